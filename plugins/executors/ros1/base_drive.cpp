@@ -31,22 +31,25 @@ Eigen::Vector2d in_base(const Eigen::Vector2d& v_world, double yaw_rad) {
 BaseSpeeds tracking_speeds(const PlanarMotion& told, const PlanarMotion& measured,
                            const BaseTracking& tracking) {
   const double gain = tracking.gain_per_s, yaw_rad = measured.pose.z();
-  const Eigen::Vector2d error_m = in_base(told.pose.head<2>() - measured.pose.head<2>(), yaw_rad);
-  const double turn_rad = std::remainder(told.pose.z() - yaw_rad, 2.0 * std::numbers::pi);
-  BaseSpeeds speeds;
-  if (tracking.rolls) {
-    const double ahead_mps = in_base(told.velocity.head<2>(), told.pose.z()).x();
-    const double least_mps = kLeastSpeedShare * tracking.fastest.x();
-    const double across_gain =
-        gain * gain * ahead_mps / std::max(ahead_mps * ahead_mps, least_mps * least_mps);
-    const double sinc = std::abs(turn_rad) < 1e-6 ? 1.0 : std::sin(turn_rad) / turn_rad;
-    speeds = {ahead_mps * std::cos(turn_rad) + gain * error_m.x(), 0.0,
-              told.velocity.z() + 2.0 * gain * turn_rad + across_gain * sinc * error_m.y()};
-  } else {
-    speeds << in_base(told.velocity.head<2>(), yaw_rad) + gain * error_m,
-        told.velocity.z() + gain * turn_rad;
+  const auto reduced = [&](const Eigen::Vector3d& speeds) -> Eigen::Vector3d {
+    return speeds / std::max(1.0, speeds.cwiseQuotient(tracking.fastest).cwiseAbs().maxCoeff());
+  };
+  Eigen::Vector3d error = told.pose - measured.pose;
+  error.z() = std::remainder(error.z(), 2.0 * std::numbers::pi);
+  if (!tracking.rolls) {  // its joints' limits are along the world's axes
+    const Eigen::Vector3d world = reduced(told.velocity + gain * error);
+    BaseSpeeds speeds = world;
+    speeds.head<2>() = in_base(world.head<2>(), yaw_rad);
+    return speeds;
   }
-  return speeds / std::max(1.0, speeds.cwiseQuotient(tracking.fastest).cwiseAbs().maxCoeff());
+  const Eigen::Vector2d error_m = in_base(error.head<2>(), yaw_rad);
+  const double ahead_mps = in_base(told.velocity.head<2>(), told.pose.z()).x();
+  const double least_mps = kLeastSpeedShare * tracking.fastest.x();
+  const double across_gain =
+      gain * gain * ahead_mps / std::max(ahead_mps * ahead_mps, least_mps * least_mps);
+  const double sinc = std::abs(error.z()) < 1e-6 ? 1.0 : std::sin(error.z()) / error.z();
+  return reduced({ahead_mps * std::cos(error.z()) + gain * error_m.x(), 0.0,
+                  told.velocity.z() + 2.0 * gain * error.z() + across_gain * sinc * error_m.y()});
 }
 
 Result<std::unique_ptr<BaseDrive>> BaseDrive::create(const RobotDescription& robot,
@@ -74,7 +77,8 @@ BaseDrive::BaseDrive(const Options& options, std::array<int, 3> joints,
     : joints_(joints),
       tracking_(tracking),
       rate_hz_(options.twist->rate_hz),
-      max_age_s_(options.watch.max_odometry_age_s) {
+      max_age_s_(options.watch.max_odometry_age_s),
+      tolerance_(options.start_tolerance) {
   node_.setCallbackQueue(&queue_);
   twist_ = node_.advertise<ros_messages::Twist>(options.twist->topic, 1);
   using Pointer = boost::shared_ptr<const ros_messages::Odometry>;
@@ -96,7 +100,6 @@ BaseDrive::~BaseDrive() = default;  // Joins.
 void BaseDrive::follow(Trajectory motion, Stamp start) {
   const Stamp now = ros1_node::ros_now();
   const std::lock_guard lock(mutex_);
-  holds_ = false;
   next_.set(std::move(motion), start.ns == 0 ? now : start);
 }
 
@@ -137,9 +140,12 @@ std::optional<BaseSpeeds> BaseDrive::speeds_at(Stamp now) {
     told.velocity[i] = state->qdot[joint];
   }
   const double age_s = odometry_ ? 1e-9 * static_cast<double>(now.ns - measured_.ns) : max_age_s_;
-  if (!(age_s < max_age_s_)) return tracking_speeds(told, told, tracking_);
+  if (!(std::abs(age_s) < max_age_s_)) return tracking_speeds(told, told, tracking_);
   PlanarMotion measured = *odometry_;
   measured.pose += std::max(0.0, age_s) * measured.velocity;
+  Eigen::Vector3d error = told.pose - measured.pose;
+  error.z() = std::remainder(error.z(), 2.0 * std::numbers::pi);
+  if (!(error.cwiseAbs().maxCoeff() < tolerance_)) return tracking_speeds(told, told, tracking_);
   return tracking_speeds(told, measured, tracking_);
 }
 
@@ -150,6 +156,7 @@ void BaseDrive::run(const std::stop_token& stop) {
   auto next = Clock::now();
   for (bool is_sending = false; is_sending || !stop.stop_requested();) {
     next = std::max(next + period, Clock::now());
+    queue_.callAvailable(::ros::WallDuration(0.0));
     for (auto left = next - Clock::now(); left.count() > 0; left = next - Clock::now()) {
       queue_.callAvailable(::ros::WallDuration(std::chrono::duration<double>(left).count()));
     }

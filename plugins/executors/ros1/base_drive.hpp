@@ -41,7 +41,8 @@ struct BaseTracking {
 
 /// Drives a base by geometry_msgs/Twist along what it was told, by odometry, from a thread of its
 /// own: it goes on to the end of what it was told, a stop, while nobody else has time. Without
-/// odometry younger than `max_odometry_age_s` it gets the speeds that it was told. Half a second
+/// odometry younger than `max_odometry_age_s`, or farther off than `start_tolerance`, it gets the
+/// speeds that it was told: it does not cut across to where it should be. Half a second
 /// after the end, nothing is sent any more, so that others may drive. [any]
 class BaseDrive {
  public:
@@ -72,6 +73,7 @@ class BaseDrive {
   BaseTracking tracking_;
   double rate_hz_;
   double max_age_s_;
+  double tolerance_;
   std::mutex mutex_;
   CommandedMotion told_, next_;           ///< By ROS time; guarded by mutex_.
   bool holds_ = false;                    ///< Guarded by mutex_.

@@ -44,6 +44,7 @@ std::optional<PlanarMotion> planar_motion_of(const ros_messages::Odometry& messa
   const auto& twist = message.twist.twist;
   Eigen::Vector2d velocity(twist.linear.x, twist.linear.y);
   if (is_twist_in_base) velocity = Eigen::Rotation2Dd(yaw) * velocity;
+  if (!velocity.allFinite() || !std::isfinite(twist.angular.z)) return {};
   return PlanarMotion{{pose->translation_m.x(), pose->translation_m.y(), yaw},
                       {velocity.x(), velocity.y(), twist.angular.z}};
 }
