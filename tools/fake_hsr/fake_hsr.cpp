@@ -181,7 +181,7 @@ void FakeHsr::on_command(Controller& controller, const ros_messages::JointTrajec
 void FakeHsr::on_twist(const ros_messages::Twist& message) {
   if (is_part_silent("controller")) return;
   const Stamp now = ros_now();
-  controllers_.front()->group.drive(message, robot_->description().rolling.has_value(), now);
+  controllers_.front()->group.drive(message, now);
   ++twists_;
   if (first_command_ns_ == 0) first_command_ns_ = now.ns;
 }

@@ -25,6 +25,13 @@ MotionLimits limits_of(const RobotDescription& robot, const std::vector<int>& in
     some.acceleration.push_back(all.acceleration[static_cast<std::size_t>(index)]);
     some.braking.push_back(all.while_stopping()[static_cast<std::size_t>(index)]);
   }
+  const auto place = [&](int joint) {
+    return static_cast<int>(std::ranges::find(indices, joint) - indices.begin());
+  };
+  const int size = static_cast<int>(indices.size());
+  if (const auto& base = robot.rolling; base && place(base->yaw) < size) {
+    some.rolling = {place(base->x), place(base->y), place(base->yaw)};
+  }
   return some;
 }
 
@@ -64,6 +71,7 @@ JointGroup::JointGroup(const RobotDescription& robot, const std::vector<std::str
     : names_(joints),
       indices_(indices_of(robot, joints)),
       delay_ns_(Stamp::from_seconds(delay_s).ns),
+      rolls_(robot.rolling.has_value()),
       robot_(limits_of(robot, indices_), lag_s, part(q, indices_), now) {}
 
 Result<Command> JointGroup::read(const ros_messages::JointTrajectory& message, Stamp now) const {
@@ -107,12 +115,12 @@ Result<void> JointGroup::follow(const ros_messages::JointTrajectory& message, St
   return {};
 }
 
-void JointGroup::drive(const ros_messages::Twist& twist, bool rolls, Stamp now) {
+void JointGroup::drive(const ros_messages::Twist& twist, Stamp now) {
   constexpr double kStep_s = 0.025;
   constexpr int kSteps = 10;
   const Stamp start = later(now);
   Eigen::VectorXd q = robot_.told_position(start);
-  const Eigen::Vector2d v_base(twist.linear.x, rolls ? 0.0 : twist.linear.y);
+  const Eigen::Vector2d v_base(twist.linear.x, rolls_ ? 0.0 : twist.linear.y);
   const double turn_radps = twist.angular.z;
   Trajectory arc = make_trajectory(3, kSteps + 1, kStep_s);
   for (int i = 0; i <= kSteps; ++i) {

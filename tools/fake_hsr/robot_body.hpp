@@ -35,8 +35,8 @@ class JointGroup {
   /// Fails with kInvalidArgument, saying what is wrong with the command.
   [[nodiscard]] Result<void> follow(const ros_messages::JointTrajectory& message, Stamp now);
   /// Of joints along x and y and about z alone: the twist, in the frame that they move, for a
-  /// quarter of a second; then they brake. On wheels that roll, nothing goes sideways.
-  void drive(const ros_messages::Twist& twist, bool rolls, Stamp now);
+  /// quarter of a second; then they brake. On wheels, nothing goes sideways.
+  void drive(const ros_messages::Twist& twist, Stamp now);
   void brake(Stamp now) { robot_.brake(later(now)); }
   /// Moves until the last whole millisecond before `now`, and writes positions and velocities to
   /// their places in the robot's order.
@@ -53,6 +53,7 @@ class JointGroup {
   std::vector<std::string> names_;
   std::vector<int> indices_;
   std::int64_t delay_ns_;
+  bool rolls_;
   simulated::SimulatedRobot robot_;
 };
 

@@ -39,47 +39,64 @@ struct BaseTracking {
 [[nodiscard]] BaseSpeeds tracking_speeds(const PlanarMotion& told, const PlanarMotion& measured,
                                          const BaseTracking& tracking);
 
-/// Drives a base by geometry_msgs/Twist along what it was told, by odometry, from a thread of its
-/// own: it goes on to the end of what it was told, a stop, while nobody else has time. Without
-/// odometry younger than `max_odometry_age_s`, or farther off than `start_tolerance`, it gets the
-/// speeds that it was told: it does not cut across to where it should be. Half a second
-/// after the end, nothing is sent any more, so that others may drive. [any]
+/// What speeds a base gets along what it was told, by where it was measured. All stamps are of one
+/// clock that never jumps. One thread at a time.
+class BaseFollower {
+ public:
+  /// `joints`: the robot's, along x and y and about z. Odometry as old as `max_age_s`, and a base
+  /// as far off as `tolerance` (m or rad), is not steered by: the base gets the speeds that it was
+  /// told, and does not cut across to where it should be.
+  BaseFollower(std::array<int, 3> joints, const BaseTracking& tracking, double max_age_s,
+               double tolerance);
+
+  /// A motion of the whole robot, whose time 0 is at `start`; until then, what was told before goes
+  /// on.
+  void follow(Trajectory motion, Stamp start);
+  /// The base is to stand, wherever it is.
+  void hold();
+  void measure(const PlanarMotion& base, Stamp when);
+  /// `now` never goes back. Zero for half a second after a motion's end or hold(); then nothing, so
+  /// that others may drive.
+  [[nodiscard]] std::optional<BaseSpeeds> speeds_at(Stamp now);
+
+ private:
+  std::array<int, 3> joints_;
+  BaseTracking tracking_;
+  double max_age_s_;
+  double tolerance_;
+  CommandedMotion told_, next_;
+  std::optional<PlanarMotion> measured_;
+  Stamp measured_at_;
+  bool was_driven_ = false;  ///< When last asked, or to be told to stand.
+  Stamp silent_from_;
+};
+
+/// Sends a base what a BaseFollower says, as geometry_msgs/Twist, from a thread of its own: it goes
+/// on to the end of what it was told, a stop, while nobody else has time. [any]
 class BaseDrive {
  public:
-  /// The process is a node of ROS. `options` with twist and odometry, whose joints the robot has;
-  /// fails with kConfig where it lacks them, or one of them has no velocity limit.
+  /// The process is a node of ROS. `options` with twist and odometry; fails with kConfig where the
+  /// robot lacks the joints of odometry, or one of them has no velocity limit.
   [[nodiscard]] static Result<std::unique_ptr<BaseDrive>> create(const RobotDescription& robot,
                                                                  const Options& options);
-  /// Waits for the end of what the base was told.
+  /// Waits until nothing is sent any more: half a second after the end of what the base was told.
   ~BaseDrive();
   BaseDrive(const BaseDrive&) = delete;
   BaseDrive& operator=(const BaseDrive&) = delete;
 
-  /// A motion of the whole robot, whose time 0 is at `start`, ROS time; until then, what was told
-  /// before goes on.
+  /// As BaseFollower does; `start`: ROS time, 0 is now.
   void follow(Trajectory motion, Stamp start);
-  /// The base is told to stand, wherever it is.
   void hold();
   /// The topic, where nobody listens to it.
   [[nodiscard]] std::optional<std::string> deaf_topic() const;
 
  private:
-  BaseDrive(const Options& options, std::array<int, 3> joints, const BaseTracking& tracking);
+  BaseDrive(const Options& options, BaseFollower follower);
   void run(const std::stop_token& stop);
-  /// What to send; nothing where all has ended.
-  [[nodiscard]] std::optional<BaseSpeeds> speeds_at(Stamp now);
 
-  std::array<int, 3> joints_;  ///< Along x and y, and about z.
-  BaseTracking tracking_;
   double rate_hz_;
-  double max_age_s_;
-  double tolerance_;
   std::mutex mutex_;
-  CommandedMotion told_, next_;           ///< By ROS time; guarded by mutex_.
-  bool holds_ = false;                    ///< Guarded by mutex_.
-  std::optional<PlanarMotion> odometry_;  ///< The thread's.
-  Stamp measured_;                        ///< When that was.
-  Stamp ended_;                           ///< The thread's.
+  BaseFollower follower_;  ///< On the steady clock; guarded by mutex_.
   ::ros::CallbackQueue queue_;
   ::ros::NodeHandle node_;
   ::ros::Publisher twist_;

@@ -34,8 +34,10 @@ Parameters<TwistOptions> TwistOptions::parameters() {
            "How often one is sent, while the base is told to move and for half a second after.",
            {.unit = "Hz", .min = 5.0, .max = 500.0})
       .add("gain_per_s", &T::gain_per_s,
-           "With which the base is brought back, by odometry, to where it is told to be; 0: not.",
-           {.unit = "1/s", .min = 0.0, .max = 20.0});
+           "With which the base is brought back, by odometry, to where it is told to be; well "
+           "below a "
+           "quarter of the inverse of its drives' delay and lag. 0: not.",
+           {.unit = "1/s", .min = 0.0, .max = 5.0});
 }
 
 Parameters<HeldJoint> HeldJoint::parameters() {

@@ -117,13 +117,14 @@ TEST(BaseGroup, FollowsSpeedsInItsOwnFrameForAQuarterOfASecondAndThenBrakes) {
   }
   constexpr double kYaw_rad = 0.7;
   for (const bool rolls : {false, true}) {
+    if (rolls) robot.rolling = RollingBase{};
     RobotState state{Eigen::Vector3d(0.0, 0.0, kYaw_rad), Eigen::Vector3d::Zero()};
     JointGroup group(robot, {"x", "y", "yaw"}, state.q, at_s(100.0));
     ros_messages::Twist twist;
     twist.linear.x = 0.4;
     twist.linear.y = 0.2;
     for (int i = 0; i < 50; ++i) {
-      group.drive(twist, rolls, at_s(100.0 + 0.02 * i));
+      group.drive(twist, at_s(100.0 + 0.02 * i));
       group.advance(at_s(100.0 + 0.02 * i), state);
     }
     const Eigen::Vector2d v =
@@ -132,8 +133,9 @@ TEST(BaseGroup, FollowsSpeedsInItsOwnFrameForAQuarterOfASecondAndThenBrakes) {
     EXPECT_LT((state.q.head<2>() - 0.98 * v).norm(), 0.02) << rolls;
     group.advance(at_s(102.0), state);  // long after the last
     EXPECT_EQ(state.qdot, Eigen::Vector3d::Zero());
-    // A quarter of a second at speed, and v^2 / 2a of each joint.
-    const Eigen::Vector2d stop = v.cwiseProduct(v.cwiseAbs()) / 8.0;
+    // A quarter of a second at speed, and v^2 / 2a: of each joint, or along the wheels.
+    const Eigen::Vector2d stop = rolls ? Eigen::Vector2d(v * v.norm() / 8.0)
+                                       : Eigen::Vector2d(v.cwiseProduct(v.cwiseAbs()) / 8.0);
     EXPECT_LT((state.q.head<2>() - (0.98 + 0.25) * v - stop).norm(), 0.02) << rolls;
   }
 }
@@ -144,13 +146,14 @@ TEST(BaseGroup, TurnsOnAnArc) {
   for (const char* name : {"x", "y", "yaw"}) {
     robot.joints.push_back({name, Joint::Type::kPrismatic, -10.0, 10.0, 1.0, 40.0});
   }
+  robot.rolling = RollingBase{};
   RobotState state{Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
   JointGroup group(robot, {"x", "y", "yaw"}, state.q, at_s(100.0));
   ros_messages::Twist twist;  // a circle of half a metre
   twist.linear.x = 0.4;
   twist.angular.z = 0.8;
   for (int i = 0; i <= 100; ++i) {
-    group.drive(twist, true, at_s(100.0 + 0.02 * i));
+    group.drive(twist, at_s(100.0 + 0.02 * i));
     group.advance(at_s(100.0 + 0.02 * i), state);
   }
   EXPECT_NEAR(state.q[2], 1.6, 0.02);

@@ -1,7 +1,10 @@
 #include "base_drive.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -107,6 +110,16 @@ TEST(TrackingSpeeds, AreReducedTogetherWhereTheyAreTooFast) {
   }
 }
 
+/// By their joints, which are along the world's axes, not the base's.
+TEST(TrackingSpeeds, OfAHolonomicBaseAreWithinItsJointsLimits) {
+  const double yaw_rad = 0.25 * std::numbers::pi;
+  PlanarMotion told = at(0.0, 0.0, yaw_rad);
+  told.velocity = {0.45, 0.45, 0.0};
+  EXPECT_NEAR(tracking_speeds(told, told, tracking(false)).x(), 0.45 * std::numbers::sqrt2, 1e-12);
+  told.velocity = {0.6, 0.0, 0.0};
+  EXPECT_NEAR(tracking_speeds(told, told, tracking(false)).norm(), 0.5, 1e-12);
+}
+
 TEST(TrackingSpeeds, TurnTheShorterWay) {
   const double almost = std::numbers::pi - 0.05;
   for (const bool rolls : {false, true}) {
@@ -116,6 +129,112 @@ TEST(TrackingSpeeds, TurnTheShorterWay) {
                   .z(),
               0.0);
   }
+}
+
+constexpr double kMaxAge_s = 0.2, kFarthest = 0.1;
+constexpr double kSpeed_mps = 0.3;
+
+Stamp s_at(double seconds) { return Stamp::from_seconds(1000.0 + seconds); }
+
+/// Of a robot of an arm's joint and a base: along x at one speed, from `from_m` on, for
+/// `duration_s`.
+Trajectory ahead(double from_m, double duration_s) {
+  Trajectory trajectory = make_trajectory(4, 2, duration_s);
+  for (int i = 0; i < 2; ++i) {
+    trajectory.q(i)[1] = from_m + kSpeed_mps * trajectory.times_s[static_cast<std::size_t>(i)];
+    trajectory.qdot(i)[1] = kSpeed_mps;
+  }
+  return trajectory;
+}
+
+class BaseFollowerTest : public ::testing::Test {
+ protected:
+  /// Ahead; infinity where nothing is sent.
+  double speed_at(double seconds) {
+    const auto speeds = follower_.speeds_at(s_at(seconds));
+    return speeds ? speeds->x() : std::numeric_limits<double>::infinity();
+  }
+  static constexpr double kSilent = std::numeric_limits<double>::infinity();
+
+  BaseFollower follower_{{1, 2, 3}, tracking(false), kMaxAge_s, kFarthest};
+};
+
+TEST_F(BaseFollowerTest, DrivesToTheEndThoughNobodyRenewsItStandsAndFallsSilent) {
+  EXPECT_EQ(speed_at(0.0), kSilent);
+  follower_.follow(ahead(0.0, 2.0), s_at(1.0));
+  EXPECT_EQ(speed_at(0.9), kSilent);  // not begun
+  for (double t = 1.0; t < 2.99; t += 0.02) EXPECT_NEAR(speed_at(t), kSpeed_mps, 1e-12) << t;
+  EXPECT_EQ(speed_at(3.01), 0.0);
+  EXPECT_EQ(speed_at(3.4), 0.0);
+  EXPECT_EQ(speed_at(3.55), kSilent);
+}
+
+TEST_F(BaseFollowerTest, GoesOnUntilWhatComesNextBegins) {
+  follower_.follow(ahead(0.0, 5.0), s_at(0.0));
+  EXPECT_NEAR(speed_at(0.5), kSpeed_mps, 1e-12);
+  Trajectory rest = ahead(0.3, 1.0);
+  std::ranges::fill(rest.velocities, 0.0);
+  std::ranges::copy(rest.q(0), rest.q(1).begin());
+  follower_.follow(rest, s_at(1.0));
+  EXPECT_NEAR(speed_at(0.98), kSpeed_mps, 1e-12);
+  EXPECT_EQ(speed_at(1.0), 0.0);
+  follower_.follow(ahead(0.3, 5.0), s_at(3.0));
+  follower_.follow(ahead(0.3, 1.0), s_at(1.5));  // instead
+  EXPECT_NEAR(speed_at(1.6), kSpeed_mps, 1e-12);
+  EXPECT_EQ(speed_at(2.6), 0.0);
+  EXPECT_EQ(speed_at(3.2), kSilent);
+}
+
+TEST_F(BaseFollowerTest, HoldsAtOnceAndForgetsWhatWasToCome) {
+  follower_.follow(ahead(0.0, 5.0), s_at(0.0));
+  EXPECT_NEAR(speed_at(0.5), kSpeed_mps, 1e-12);
+  follower_.follow(ahead(0.3, 5.0), s_at(1.0));
+  follower_.hold();
+  EXPECT_EQ(speed_at(0.52), 0.0);
+  EXPECT_EQ(speed_at(1.0), 0.0);
+  EXPECT_EQ(speed_at(1.1), kSilent);
+}
+
+TEST_F(BaseFollowerTest, StandsBeforeWhatBeginsAfterAHold) {
+  follower_.hold();
+  follower_.follow(ahead(0.0, 5.0), s_at(0.3));
+  EXPECT_EQ(speed_at(0.1), 0.0);
+  EXPECT_NEAR(speed_at(0.4), kSpeed_mps, 1e-12);
+}
+
+TEST_F(BaseFollowerTest, SteersByOdometryThatIsNewAndNear) {
+  follower_.follow(ahead(0.0, 5.0), s_at(0.0));
+  const auto behind = [&](double off_m, double when_s) {
+    follower_.measure({{kSpeed_mps * when_s - off_m, 0.0, 0.0}, {kSpeed_mps, 0.0, 0.0}},
+                      s_at(when_s));
+  };
+  behind(0.04, 1.0);
+  const double steered = kSpeed_mps + kGain_per_s * 0.04;
+  EXPECT_NEAR(speed_at(1.0), steered, 1e-9);
+  EXPECT_NEAR(speed_at(1.1), steered, 1e-9);       // it went on as it went
+  EXPECT_NEAR(speed_at(1.21), kSpeed_mps, 1e-12);  // too old
+  behind(0.11, 1.3);
+  EXPECT_NEAR(speed_at(1.3), kSpeed_mps, 1e-12);  // too far
+  behind(0.04, 2.0);
+  EXPECT_NEAR(speed_at(1.4), kSpeed_mps, 1e-12);  // from the future
+}
+
+/// Of what drives that reach nine tenths of what they are sent leave behind, the loop keeps a base
+/// on wheels within what its gain has left: v / 10 over the gain.
+TEST(BaseFollowerOnWheels, MakesUpForDrivesThatFallShort) {
+  BaseFollower follower({1, 2, 3}, tracking(true), kMaxAge_s, kFarthest);
+  follower.follow(ahead(0.0, 20.0), s_at(0.0));
+  Eigen::Vector3d pose(0.0, 0.03, 0.05);
+  BaseSpeeds speeds = BaseSpeeds::Zero();
+  for (double t = 0.0; t < 15.0; t += 0.02) {
+    follower.measure({pose, {0.9 * speeds.x(), 0.0, 0.0}}, s_at(t));
+    speeds = *follower.speeds_at(s_at(t));
+    move(pose, 0.9 * speeds, 0.02);
+  }
+  const double left_m = kSpeed_mps * (1.0 / 0.9 - 1.0) / kGain_per_s;
+  EXPECT_NEAR(pose.x(), kSpeed_mps * 15.0 - left_m, 0.01);
+  EXPECT_NEAR(pose.y(), 0.0, 1e-3);
+  EXPECT_NEAR(pose.z(), 0.0, 1e-3);
 }
 
 }  // namespace

@@ -109,6 +109,14 @@ TEST(JointFeed, TurnsTheTwistOfTheBaseIntoTheWorld) {
   }
 }
 
+TEST(PlanarMotionOf, IsNothingWhereAFigureIsNone) {
+  const double nan = std::nan("");
+  EXPECT_TRUE(planar_motion_of(odometry(10.0, 1.0, 2.0, 0.5, 0.2, 0.0, 0.1), true));
+  EXPECT_FALSE(planar_motion_of(odometry(10.0, 1.0, 2.0, 0.5, nan, 0.0, 0.1), true));
+  EXPECT_FALSE(planar_motion_of(odometry(10.0, 1.0, 2.0, 0.5, 0.2, 0.0, nan), true));
+  EXPECT_FALSE(planar_motion_of(odometry(10.0, nan, 2.0, 0.5, 0.2, 0.0, 0.1), true));
+}
+
 TEST(JointFeed, CountsTurnsOfTheBase) {
   JointFeed feed = feed_of();
   // Twice round, in messages that tell yaw within a turn.
