@@ -97,9 +97,10 @@ TEST_F(GoalsOverRos, RefusesWhatMakesNoSenseAndSaysWhy) {
 }
 
 TEST_F(GoalsOverRos, GoesWhereEachKindSaysAndStopsWhenTold) {
-  // Who looks at the map meanwhile sees it: all old markers removed, and one list.
+  // Who looks at the map meanwhile sees it: all old markers removed, and one list. Before the first
+  // image there is no list.
   const auto look_at = [&](const std::string& name) {
-    return world_.start_tool(name, {"rostopic", "echo", "-n", "1", "--noarr", "/sidestep/" + name});
+    return world_.start_tool(name, {"rostopic", "echo", "--noarr", "/sidestep/" + name});
   };
   const auto voxels = look_at("voxels");
   const auto slice = look_at("field_slice");
