@@ -97,6 +97,7 @@ Result<RaceResult> PlanningRace::run(const Problem& problem, const Checks& check
     drive(lanes_.back());
   }
   if (track.error) return tl::make_unexpected(std::move(*track.error));
+  track.result.spent_ms = track.watch.elapsed_ms();
   return std::move(track.result);
 }
 

@@ -9,7 +9,7 @@
 #include <sidestep/problems/problem_set.hpp>
 #include <sidestep/runtime/checked_robot.hpp>
 #include <sidestep/runtime/entry_reading.hpp>
-#include <sidestep/runtime/planning_race.hpp>
+#include <sidestep/runtime/motion_planner.hpp>
 #include <sidestep/runtime/planning_settings.hpp>
 #include <sidestep/runtime/shape_check.hpp>
 #include <sidestep/runtime/yaml_document.hpp>
@@ -19,35 +19,17 @@ namespace sidestep {
 namespace {
 
 /// An item of `experiment.planners`.
-struct PlannerEntry {
+struct PlannerEntry : PlannerSettings {
   std::string name;
-  std::vector<std::string> seeds = {"straight"};
-  Node optimiser;
-  Node sampler;
   PlannerExpectation expect;  ///< Read again from PlannerRecord::settings, where it is judged.
 
   static Parameters<PlannerEntry> parameters() {
     using E = PlannerEntry;
-    return Parameters<E>()
-        .add("name", &E::name, "Name of the planner in results.", {.required = true})
-        .add("seeds", &E::seeds,
-             "First guesses, raced over the cores: `straight`, a line (and, beside others, lines "
-             "that are perturbed); `sampled`, the sampler's path, which the optimiser polishes if "
-             "there is one.")
-        .add("optimiser", &E::optimiser, "The block of the optimiser.",
-             {.plugin = PluginKind::kOptimiser})
-        .add("sampler", &E::sampler, "The block of the sampling planner, for the seed `sampled`.",
-             {.plugin = PluginKind::kOptimiser})
+    return declare_planner(Parameters<E>().add("name", &E::name, "Name of the planner in results.",
+                                               {.required = true}))
         .add("expect", &E::expect, "What it must reach for the run to be a success.");
   }
 };
-
-/// What the planner's own checks see: what its sampler says, as far as it has one, else the field.
-std::string checker_of(const PlannerEntry& entry) {
-  const bool is_sampling = std::ranges::count(entry.seeds, "sampled") > 0;
-  const Node* checker = is_sampling ? entry.sampler.find("checker") : nullptr;
-  return checker != nullptr ? checker->text() : "field";
-}
 
 struct PlannerBenchmarkSettings : ExperimentSettings {
   int seeds = 1;
@@ -82,29 +64,6 @@ struct PlannerBenchmarkSettings : ExperimentSettings {
   }
 };
 
-void check_planner(const Node& entry, std::vector<Error>& errors) {
-  const Node* seeds = entry.find("seeds");
-  const auto is_given = [&](const char* name) {
-    const Node* block = entry.find(name);
-    return block != nullptr && block->is_map();
-  };
-  if (seeds == nullptr && !is_given("optimiser")) {
-    errors.push_back(entry.error("the seed 'straight' needs a block `optimiser`"));
-  }
-  if (seeds == nullptr || !seeds->is_list()) return;
-  if (seeds->items().empty()) errors.push_back(seeds->error("there is no seed to begin with"));
-  for (const Node& seed : seeds->items()) {
-    const bool is_sampled = seed.text() == "sampled";
-    if (!is_sampled && seed.text() != "straight") {
-      errors.push_back(
-          seed.error("no seed is called '" + seed.text() + "'", "there are straight and sampled"));
-    } else if (!is_given(is_sampled ? "sampler" : "optimiser")) {
-      errors.push_back(seed.error("the seed '" + seed.text() + "' needs a block " +
-                                  (is_sampled ? "`sampler`" : "`optimiser`")));
-    }
-  }
-}
-
 /// What every problem of a set is solved with.
 struct SetBench {
   PlannerBenchmarkSettings settings;
@@ -116,35 +75,11 @@ struct SetBench {
   std::filesystem::path certificates = {};
 };
 
-/// Clearance that smooth motions keep beyond what is asked for, so that the independent check can
-/// show them clear, too: its steps near obstacles are up to 0.5 mm long and its distances err by
-/// 1e-5 m. Sampling planners keep such a distance themselves.
-constexpr double kSpareMargin_m = 3e-4;
-
 /// The independent check: the robot's shapes against the true scene.
 Result<std::unique_ptr<ValidityCheck>> true_check(const SetProblem& posed, const SetBench& bench) {
   ShapeObstacles truth;
   truth.scene = posed.scene;
   return make_shape_check(bench.robot, truth, bench.check.of_shapes());
-}
-
-using CheckPtr = std::shared_ptr<const ValidityCheck>;
-
-/// What sampled and what smooth proposals are checked by in the race.
-Result<std::pair<CheckPtr, CheckPtr>> checks_of(const SetProblem& posed,
-                                                const std::shared_ptr<const DistanceField>& field,
-                                                const SetBench& bench, bool by_shapes) {
-  if (by_shapes) {
-    const CheckPtr shared = SIDESTEP_TRY(true_check(posed, bench));
-    return std::pair(shared, shared);
-  }
-  FieldCheckSettings settings = bench.check.of_field();
-  settings.first_violation_only = true;
-  const FieldChecks checks(bench.robot);
-  CheckPtr sampled = checks.make(field, bench.planning.space(), settings);
-  settings.margin_m += kSpareMargin_m;
-  return std::pair(std::move(sampled),
-                   CheckPtr(checks.make(field, bench.planning.space(), settings)));
 }
 
 /// Where a trajectory does not begin or end as it should; empty where it does.
@@ -182,31 +117,23 @@ Result<void> judge(const SetProblem& posed, const RaceResult& answer, const SetB
   return hear(answer.trajectory, answer.is_smooth, answer.took_ms);
 }
 
-/// Poses a problem, has it raced for, and holds every answer against the shapes, independently.
-/// In the race proposals are checked by the robot's spheres, or, for what is planned `by_shapes`
-/// and may come nearer than they can, by its shapes. SetSolve::problem and seed are the caller's.
-/// Fails where a planner or a check does. [planning]
-Result<SetSolve> solve_set_problem(PlanningRace& race, const SetProblem& posed, std::uint64_t seed,
-                                   const SetBench& bench, bool by_shapes) {
+/// Plans for a problem, and holds every answer against the shapes, independently. SetSolve::problem
+/// and seed are the caller's. Fails where a planner or a check does. [planning]
+Result<SetSolve> solve_set_problem(MotionPlanner& planner, const SetProblem& posed,
+                                   std::uint64_t seed, const SetBench& bench) {
   SetSolve solve;
   solve.family = posed.family;
   solve.index = posed.index;
   const Eigen::Vector3d reach_m = Eigen::Vector3d::Constant(bench.settings.reach_m);
-  const auto field = std::make_shared<const SceneField>(*posed.scene, Stamp(),
-                                                        Eigen::AlignedBox3d(-reach_m, reach_m));
-  const Problem problem =
-      make_problem(bench.robot, field, bench.planning, posed.q_start, posed.q_goal);
-  if (auto sound = problem.validate(); !sound) {
-    solve.reason = "the problem makes no sense: " + sound.error().describe();
-    return solve;
-  }
-  const auto [sampled, smooth] = SIDESTEP_TRY(checks_of(posed, field, bench, by_shapes));
-  const Stopwatch watch;
-  auto answer =
-      SIDESTEP_TRY(race.run(problem, {*sampled, *smooth},
-                            derive_seed(seed, posed.family + "/" + std::to_string(posed.index)),
-                            Deadline::after_s(bench.settings.deadline_s, bench.stop), bench.stop));
-  solve.spent_ms = watch.elapsed_ms();
+  const MotionQuery query{std::make_shared<const SceneField>(
+                              *posed.scene, Stamp(), Eigen::AlignedBox3d(-reach_m, reach_m)),
+                          posed.q_start,
+                          posed.q_goal,
+                          {},
+                          derive_seed(seed, posed.family + "/" + std::to_string(posed.index))};
+  auto answer = SIDESTEP_TRY(
+      planner.plan(query, Deadline::after_s(bench.settings.deadline_s, bench.stop), bench.stop));
+  solve.spent_ms = answer.spent_ms;
   solve.reason = answer.reason;
   solve.guess = answer.seed;
   if (answer.trajectory.size() == 0) return solve;
@@ -254,38 +181,20 @@ struct BenchmarkRun {
     return left;
   }
 
-  Result<PlanningRace> make_race(const PlannerEntry& entry, std::uint64_t seed) {
-    const RunLoan loan{bench.robot, nullptr, nullptr, seed};
-    std::vector<PlanningRace::Lane> lanes;
-    for (const std::string& guess : entry.seeds) {
-      PlanningRace::Lane lane;
-      lane.seed = guess;
-      for (const auto& [block, into] : {std::pair(&entry.optimiser, &lane.optimiser),
-                                        std::pair(&entry.sampler, &lane.sampler)}) {
-        const bool is_sampler = into == &lane.sampler;
-        if (block->is_null() || (is_sampler && guess != "sampled")) continue;
-        *into = SIDESTEP_TRY(context.host.create<Optimiser>(*block, loan));
-      }
-      lanes.push_back(std::move(lane));
-    }
-    return PlanningRace(std::move(lanes), bench.planning.limits(bench.robot->description()));
-  }
-
   Result<void> solve_with(const PlannerEntry& entry, const PlannerRecord& earlier, int seed) {
     const std::vector<std::int64_t> left = left_for(earlier, seed);
     if (left.empty() || context.stop.stop_requested()) return {};
     const std::uint64_t run_seed = context.seed + static_cast<std::uint64_t>(seed);
-    auto race = SIDESTEP_TRY(make_race(entry, run_seed));
+    auto planner = SIDESTEP_TRY(MotionPlanner::create(context.host, bench.robot, entry,
+                                                      bench.planning, bench.check, run_seed));
     if (bench.check.wants_certificate()) {
       bench.certificates = context.out / "certificates" /
                            (entry.name + (seed == 0 ? "" : "-" + std::to_string(seed)));
     }
-    // Paths by FCL that nothing polishes: no check by spheres is to come after them.
-    const bool by_shapes = entry.optimiser.is_null() && checker_of(entry) == "primitives";
     const auto solve_one = [&](std::int64_t problem) {
       return catch_all("planning", [&] {
-        return solve_set_problem(race, problems[static_cast<std::size_t>(problem)], run_seed, bench,
-                                 by_shapes);
+        return solve_set_problem(planner, problems[static_cast<std::size_t>(problem)], run_seed,
+                                 bench);
       });
     };
     (void)solve_one(left.front());  // does not count

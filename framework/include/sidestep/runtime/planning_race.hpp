@@ -28,6 +28,7 @@ struct RaceResult {
   double took_ms = 0.0;    ///< From the call until there was a valid trajectory.
   std::string reason;      ///< Why there is none.
   std::vector<EarlierAnswer> earlier;  ///< Those that it took the place of, in order.
+  double spent_ms = 0.0;               ///< From the call to its end.
 };
 
 /// Plans from several first guesses at once, a thread for each, until an optimiser has made a
