@@ -1,0 +1,108 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <utility>
+
+#include <pybind11/eigen.h>
+#include <pybind11/numpy.h>
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+
+#include <sidestep/core/error.hpp>
+#include <sidestep/core/node.hpp>
+#include <sidestep/robot/robot_model.hpp>
+#include <sidestep/runtime/call_plugin.hpp>
+#include <sidestep/runtime/entry_reading.hpp>
+#include <sidestep/runtime/session.hpp>
+
+/// What the parts of the Python module share. Interfaces of the SDK are bound as they are; what
+/// blocks and configurations are in C++ are dicts here.
+
+namespace sidestep::python {
+
+namespace py = pybind11;
+
+using Doubles = py::array_t<double, py::array::c_style | py::array::forcecast>;
+
+/// An error as the exception sidestep.Error.
+[[nodiscard]] py::object exception_of(const Error& error);
+[[noreturn]] void raise(const Error& error);
+
+/// The value, or raises.
+template <class T>
+T need(Result<T>&& result) {
+  if (!result) raise(result.error());
+  if constexpr (!std::is_void_v<T>) return *std::move(result);
+}
+
+/// Calls what returns a Result without Python's lock; raises where it fails. What escapes names the
+/// plugin it came from, or else `what`.
+template <class Call>
+auto unlocked(const std::string& what, Call&& call) {
+  auto result = [&] {
+    const py::gil_scoped_release release;
+    return catch_all(what, std::forward<Call>(call));
+  }();
+  return need(std::move(result));
+}
+
+/// A dict, list, number, string, path, bool or None, or an array of numpy, as a node whose marks
+/// are its keys, e.g. "mapper.size_vox". Raises TypeError for anything else.
+[[nodiscard]] Node node_of(const py::handle& value, const std::string& mark);
+/// The other way round: scalars as YAML reads them.
+[[nodiscard]] py::object object_of(const Node& node);
+
+/// The block of a plugin: a dict, or the name of a plugin without parameters.
+[[nodiscard]] Node block_of(const py::handle& value, const std::string& kind);
+
+/// A block of settings, with the defaults of what it leaves out; None: all defaults.
+template <class Settings>
+[[nodiscard]] Settings settings_of(const py::object& value, const std::string& mark) {
+  Settings settings;
+  if (value.is_none()) return settings;
+  const Node node = node_of(value, mark);
+  const auto parameters = Settings::parameters();
+  std::vector<Error> errors;
+  check_against_schema(node, parameters.schema(), {}, errors);
+  if (errors.empty()) parameters.read(node, settings, errors);
+  if (!errors.empty()) raise(errors.front());
+  return settings;
+}
+
+/// A configuration of a robot: the name of a pose, `{"pose": ..., "joints": {...}}`, or dof values.
+[[nodiscard]] Eigen::VectorXd configuration_of(const py::object& value,
+                                               const RobotDescription& robot,
+                                               const std::string& mark);
+
+/// Raises ValueError, naming `what`, unless the array has `columns` columns; its rows.
+[[nodiscard]] py::ssize_t rows_of(const Doubles& array, py::ssize_t columns, const char* what);
+
+/// A read-only view of memory that `owner` keeps.
+template <class T>
+[[nodiscard]] py::array view_of(std::vector<py::ssize_t> shape, const T* data,
+                                const py::object& owner) {
+  py::array array(py::dtype::of<T>(), std::move(shape), data, owner);
+  array.attr("setflags")(py::arg("write") = false);
+  return array;
+}
+
+/// A plugin's object, which keeps alive what it was made by.
+template <class Interface, class... Kept>
+[[nodiscard]] std::shared_ptr<Interface> kept_with(PluginPtr<Interface> object, Kept... kept) {
+  struct Holder {
+    std::tuple<Kept...> kept;
+    PluginPtr<Interface> object;  // goes first
+  };
+  auto holder = std::make_shared<Holder>(Holder{{std::move(kept)...}, std::move(object)});
+  return std::shared_ptr<Interface>(holder, holder->object.get());
+}
+
+using SessionPtr = std::shared_ptr<Session>;
+using RobotPtr = std::shared_ptr<const RobotModel>;
+
+void bind_robots(py::module_& module, py::class_<Session, SessionPtr>& session);
+void bind_maps(py::module_& module, py::class_<Session, SessionPtr>& session);
+void bind_planning(py::module_& module, py::class_<Session, SessionPtr>& session);
+
+}  // namespace sidestep::python
