@@ -76,6 +76,8 @@ template <class Settings>
                                                const RobotDescription& robot,
                                                const std::string& mark);
 
+/// Raises TypeError, naming `what`, for anything but numbers.
+[[nodiscard]] Doubles doubles_of(const py::handle& value, const char* what);
 /// Raises ValueError, naming `what`, unless the array has `columns` columns; its rows.
 [[nodiscard]] py::ssize_t rows_of(const Doubles& array, py::ssize_t columns, const char* what);
 

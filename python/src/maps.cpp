@@ -1,9 +1,10 @@
 // From frames to maps and distance fields.
 #include <filesystem>
+#include <mutex>
 
 #include <sidestep/field/dense_field.hpp>
 #include <sidestep/field/scene_field.hpp>
-#include <sidestep/geometry/scene.hpp>
+#include <sidestep/geometry/load_scene.hpp>
 #include <sidestep/mapping/field_builder.hpp>
 #include <sidestep/mapping/mapper.hpp>
 #include <sidestep/mapping/occupancy_view.hpp>
@@ -61,13 +62,17 @@ py::object points_of(const py::object& self) {
 
 /// A source as an iterator: frames that cannot be used are passed over, and kept as errors.
 struct Frames {
+  explicit Frames(std::shared_ptr<Source> its) : source(std::move(its)) {}
+
   std::shared_ptr<Source> source;
+  std::mutex mutex = {};  ///< Of the source; to be locked without Python's lock, as the others are.
   py::list bad_frames = py::list();
 
   std::shared_ptr<Frame> next() {
     for (;;) {
       auto frame = [&] {
         const py::gil_scoped_release release;
+        const std::scoped_lock lock(mutex);
         return catch_all("source", [&] { return source->next(Deadline()); });
       }();
       if (!frame && frame.error().code == ErrorCode::kBadFrame) {
@@ -83,13 +88,18 @@ struct Frames {
 
 /// A mapper and the field that is made of it.
 struct Map {
+  Map(SessionPtr its, PluginPtr<Mapper> maps, PluginPtr<FieldBuilder> builds)
+      : session(std::move(its)), mapper(std::move(maps)), builder(std::move(builds)) {}
+
   SessionPtr session;
   PluginPtr<Mapper> mapper;
   PluginPtr<FieldBuilder> builder;
-  MapUpdate update = {};
+  std::mutex mutex = {};
 
   Result<std::shared_ptr<const DistanceField>> integrate(const Frame& frame) {
-    update = SIDESTEP_TRY(call_stage(plugin_of(mapper), [&] { return mapper->integrate(frame); }));
+    const std::scoped_lock lock(mutex);
+    const MapUpdate update =
+        SIDESTEP_TRY(call_stage(plugin_of(mapper), [&] { return mapper->integrate(frame); }));
     return call_stage(plugin_of(builder), [&]() -> Result<std::shared_ptr<const DistanceField>> {
       if (update.grid_moved) SIDESTEP_TRY(builder->attach(*mapper));
       return builder->update(update);
@@ -108,19 +118,24 @@ std::shared_ptr<Map> make_map(const SessionPtr& session, const py::object& mappe
   return unlocked("map", [&]() -> Result<std::shared_ptr<Map>> {
     auto made = SIDESTEP_TRY(session->host().create<Mapper>(mapper_block, robot));
     auto builder = SIDESTEP_TRY(session->host().create<FieldBuilder>(field_block, robot));
-    auto map = std::make_shared<Map>(Map{session, std::move(made), std::move(builder)});
+    auto map = std::make_shared<Map>(session, std::move(made), std::move(builder));
     SIDESTEP_TRY(map->builder->attach(*map->mapper));
     return map;
   });
 }
 
-/// nx x ny x nz, of one bit a voxel.
-py::array_t<bool> bits_of(const GridSpec& grid, const VoxelBits& bits) {
-  py::array_t<bool> result({grid.size_vox.x(), grid.size_vox.y(), grid.size_vox.z()});
+/// nx x ny x nz, of one bit a voxel: the occupied ones, or those known.
+py::array_t<bool> bits_of(Map& map, VoxelBits (OccupancyView::*which)() const noexcept) {
+  const OccupancyView& view = map.occupancy();
+  const Eigen::Vector3i size = view.occupancy_grid().size_vox;
+  py::array_t<bool> result({size.x(), size.y(), size.z()});
   auto into = result.mutable_unchecked<3>();
-  for (int k = 0; k < grid.size_vox.z(); ++k) {
-    for (int j = 0; j < grid.size_vox.y(); ++j) {
-      for (int i = 0; i < grid.size_vox.x(); ++i) into(i, j, k) = bits.at(grid, {i, j, k});
+  const py::gil_scoped_release release;
+  const std::scoped_lock lock(map.mutex);
+  const VoxelBits bits = (view.*which)();
+  for (int k = 0; k < size.z(); ++k) {
+    for (int j = 0; j < size.y(); ++j) {
+      for (int i = 0; i < size.x(); ++i) into(i, j, k) = bits.at(view.occupancy_grid(), {i, j, k});
     }
   }
   return result;
@@ -200,18 +215,16 @@ py::array_t<float> distances(const DistanceField& self) {
 
 Scene make_scene(const SessionPtr& session, const py::object& value,
                  std::optional<std::uint64_t> seed) {
-  Node document;
+  Scene scene;
   if (py::isinstance<py::dict>(value)) {
-    document = node_of(value, "scene");
+    SceneReading reading = read_scene(node_of(value, "scene"));
+    if (!reading.errors.empty()) raise(reading.errors.front());
+    scene = std::move(reading.scene);
   } else {
-    std::filesystem::path file = value.cast<std::filesystem::path>();
-    const auto ours = install_layout().configs / "scenes" / (file.string() + ".yaml");
-    if (std::filesystem::exists(ours)) file = ours;
-    document = need(session->documents().read(file));
+    scene = need(load_scene(value.cast<std::filesystem::path>(),
+                            {install_layout().configs / "scenes"}, session->documents()));
   }
-  SceneReading reading = read_scene(document);
-  if (!reading.errors.empty()) raise(reading.errors.front());
-  return seed ? need(reading.scene.drawn(*seed)) : std::move(reading.scene);
+  return seed ? need(scene.drawn(*seed)) : scene;
 }
 
 std::shared_ptr<DistanceField> scene_field(const Scene& scene, const Eigen::Vector3d& lower_m,
@@ -303,20 +316,17 @@ void bind_maps(py::module_& module, py::class_<Session, SessionPtr>& session) {
           py::arg("frame"),
           "Adds a frame; the distance field since. Where the frame is unusable (code "
           "\"bad_frame\"), the map is as it was.")
-      .def_property_readonly("grid", [](const Map& map) { return map.mapper->grid(); })
+      .def_property_readonly("grid",
+                             [](Map& map) {
+                               const py::gil_scoped_release release;
+                               const std::scoped_lock lock(map.mutex);
+                               return map.mapper->grid();
+                             })
       .def(
-          "occupied",
-          [](const Map& map) {
-            const OccupancyView& view = map.occupancy();
-            return bits_of(view.occupancy_grid(), view.occupied());
-          },
+          "occupied", [](Map& map) { return bits_of(map, &OccupancyView::occupied); },
           "nx x ny x nz, of bool; a copy.")
       .def(
-          "known",
-          [](const Map& map) {
-            const OccupancyView& view = map.occupancy();
-            return bits_of(view.occupancy_grid(), view.known());
-          },
+          "known", [](Map& map) { return bits_of(map, &OccupancyView::known); },
           "Observed at least once: nx x ny x nz, of bool; a copy.");
 
   py::class_<DistanceField, std::shared_ptr<DistanceField>>(
@@ -381,7 +391,7 @@ void bind_maps(py::module_& module, py::class_<Session, SessionPtr>& session) {
             auto source = unlocked("source", [&]() -> Result<std::shared_ptr<Source>> {
               return kept_with(SIDESTEP_TRY(self->host().create<Source>(node, robot)), self, robot);
             });
-            return std::make_shared<Frames>(Frames{std::move(source)});
+            return std::make_shared<Frames>(std::move(source));
           },
           py::arg("block"), py::arg("robot") = nullptr,
           "Frames of a camera, recording or simulation.")

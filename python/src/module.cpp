@@ -129,13 +129,18 @@ Eigen::VectorXd configuration_of(const py::object& value, const RobotDescription
     if (!errors.empty()) raise(errors.front());
     return q;
   }
-  const auto array = Doubles::ensure(value);
-  if (!array) throw py::error_already_set();
+  const Doubles array = doubles_of(value, mark.c_str());
   if (array.ndim() != 1 || array.shape(0) != robot.dof()) {
     throw py::value_error(mark + " has to have " + std::to_string(robot.dof()) +
                           " values, one for " + "each joint of '" + robot.name + "'");
   }
   return Eigen::Map<const Eigen::VectorXd>(array.data(), robot.dof());
+}
+
+Doubles doubles_of(const py::handle& value, const char* what) {
+  const auto array = Doubles::ensure(value);
+  if (!array) throw py::type_error(std::string(what) + " has to be numbers");
+  return array;
 }
 
 py::ssize_t rows_of(const Doubles& array, py::ssize_t columns, const char* what) {

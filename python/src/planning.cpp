@@ -1,4 +1,6 @@
 // Problems, planners, checks and proofs.
+#include <mutex>
+
 #include <sidestep/certificates/certify.hpp>
 #include <sidestep/certificates/polynomial_motion.hpp>
 #include <sidestep/planning/optimiser.hpp>
@@ -49,8 +51,8 @@ class PythonCost final : public StateCost {
     const auto write = [&](std::size_t item, std::span<double> into, const char* what,
                            const std::vector<py::ssize_t>& shape) {
       if (into.empty()) return;
-      const auto array = item < result.size() ? Doubles::ensure(result[item]) : Doubles();
-      if (!array) throw py::error_already_set();
+      if (item >= result.size()) throw py::value_error("cost '" + name_ + "' returns no " + what);
+      const Doubles array = doubles_of(result[item], what);
       if (!std::equal(shape.begin(), shape.end(), array.shape(), array.shape() + array.ndim())) {
         std::string wanted, got;
         for (const auto size : shape)
@@ -129,15 +131,22 @@ PluginPtr<Optimiser> make_optimiser(const SessionPtr& session, const RobotPtr& r
 
 /// A planner and what it was made by.
 struct Planner {
+  Planner(SessionPtr its, RobotPtr moved, MotionPlanner plans)
+      : session(std::move(its)), robot(std::move(moved)), planner(std::move(plans)) {}
+
   SessionPtr session;
   RobotPtr robot;
   MotionPlanner planner;
+  std::mutex mutex = {};  ///< To be locked without Python's lock, which costs may wait for.
 
   RaceResult plan(const FieldPtr& field, const py::object& start, const py::object& goal,
                   double deadline_s, std::uint64_t seed, const std::vector<py::object>& costs) {
     MotionQuery query = query_of(field, start, goal, costs);
     query.seed = seed;
-    return unlocked("planning", [&] { return planner.plan(query, Deadline::after_s(deadline_s)); });
+    return unlocked("planning", [&] {
+      const std::scoped_lock lock(mutex);
+      return planner.plan(query, Deadline::after_s(deadline_s));
+    });
   }
   MotionQuery query_of(const FieldPtr& field, const py::object& start, const py::object& goal,
                        const std::vector<py::object>& costs) const {
@@ -185,9 +194,9 @@ std::shared_ptr<Planner> make_planner(const SessionPtr& session, const RobotPtr&
                      is_sampled ? make_optimiser(session, robot, sampler, "sampler") : nullptr});
   }
   return std::make_shared<Planner>(
-      Planner{session, robot,
-              MotionPlanner(robot, std::move(lanes), planning_of(planning, *robot),
-                            settings_of<CheckSettings>(check, "check"))});
+      session, robot,
+      MotionPlanner(robot, std::move(lanes), planning_of(planning, *robot),
+                    settings_of<CheckSettings>(check, "check")));
 }
 
 /// A check and what it needs to live.

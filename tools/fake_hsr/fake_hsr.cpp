@@ -8,6 +8,7 @@
 
 #include <sidestep/core/index.hpp>
 #include <sidestep/geometry/crowd.hpp>
+#include <sidestep/geometry/load_scene.hpp>
 #include <sidestep/runtime/install_layout.hpp>
 #include <sidestep/runtime/yaml_document.hpp>
 
@@ -84,8 +85,8 @@ Result<std::unique_ptr<FakeHsr>> FakeHsr::create(const Settings& settings) {
   const KinematicTree& tree = *loaded.tree;
   const auto robot = SIDESTEP_TRY(with_joints(tree, head_joints()));
   const YamlDocumentReader documents;
-  const auto scene = SIDESTEP_TRY(
-      simulator::load_scene(settings.scene, {install_layout().configs / "scenes"}, documents));
+  const auto scene =
+      SIDESTEP_TRY(load_scene(settings.scene, {install_layout().configs / "scenes"}, documents));
   const auto q = SIDESTEP_TRY(start_of(tree.description(), tree, robot->description(), settings));
 
   const auto drawn = SIDESTEP_TRY(scene.drawn(static_cast<std::uint64_t>(settings.seed)));

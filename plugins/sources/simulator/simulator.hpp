@@ -245,13 +245,6 @@ struct Options {
   [[nodiscard]] std::vector<OptionMistake> check() const;
 };
 
-/// Reads the scene that `scene` names: a file, with or without `.yaml`, or else one of that name
-/// in one of the folders. Fails with kNotFound, naming what was tried and what there is, or with
-/// kConfig, each mistake the cause of the one before.
-[[nodiscard]] Result<Scene> load_scene(const std::filesystem::path& scene,
-                                       const std::vector<std::filesystem::path>& folders,
-                                       const DocumentReader& documents);
-
 /// Frame k is taken at k / rate.
 class FrameTiming {
  public:

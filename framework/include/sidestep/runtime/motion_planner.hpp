@@ -57,7 +57,8 @@ class MotionPlanner {
   MotionPlanner(std::shared_ptr<const RobotModel> robot, std::vector<PlanningRace::Lane> lanes,
                 PlanningSettings planning, CheckSettings check, bool by_shapes = false);
 
-  /// Creates the plugins that the settings name, with a seed. Fails as Host::create() does. [main]
+  /// Creates the plugins that the settings name, with a seed. Their block has passed
+  /// check_planner(). Fails as Host::create() does. [main]
   [[nodiscard]] static Result<MotionPlanner> create(Host& host,
                                                     const std::shared_ptr<const RobotModel>& robot,
                                                     const PlannerSettings& settings,
