@@ -12,6 +12,7 @@
 
 #include <sidestep/core/error.hpp>
 #include <sidestep/core/node.hpp>
+#include <sidestep/field/dense_field.hpp>
 #include <sidestep/robot/robot_model.hpp>
 #include <sidestep/runtime/call_plugin.hpp>
 #include <sidestep/runtime/entry_reading.hpp>
@@ -80,6 +81,9 @@ template <class Settings>
 [[nodiscard]] Doubles doubles_of(const py::handle& value, const char* what);
 /// Raises ValueError, naming `what`, unless the array has `columns` columns; its rows.
 [[nodiscard]] py::ssize_t rows_of(const Doubles& array, py::ssize_t columns, const char* what);
+
+/// The voxels of a field; raises where it has none.
+[[nodiscard]] const DenseField& dense(const DistanceField& field);
 
 /// A read-only view of memory that `owner` keeps.
 template <class T>

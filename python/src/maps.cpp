@@ -2,7 +2,6 @@
 #include <filesystem>
 #include <mutex>
 
-#include <sidestep/field/dense_field.hpp>
 #include <sidestep/field/scene_field.hpp>
 #include <sidestep/geometry/load_scene.hpp>
 #include <sidestep/mapping/field_builder.hpp>
@@ -163,12 +162,6 @@ FieldQuery query(const DistanceField& field, const Doubles& points_m, bool wants
   return result;
 }
 
-const DenseField& dense(const DistanceField& field) {
-  const auto* blocks = dynamic_cast<const DenseField*>(&field);
-  if (blocks != nullptr) return *blocks;
-  raise({ErrorCode::kUnsupported, "this field has no voxels", {}, {}, nullptr});
-}
-
 /// A block's values, z, y and x as in memory turned to x, y and z, cut off at the grid's end.
 py::array block(const py::object& self, int i, int j, int k) {
   const DenseField& field = dense(self.cast<const DistanceField&>());
@@ -238,6 +231,12 @@ std::shared_ptr<DistanceField> scene_field(const Scene& scene, const Eigen::Vect
 
 }  // namespace
 
+const DenseField& dense(const DistanceField& field) {
+  const auto* blocks = dynamic_cast<const DenseField*>(&field);
+  if (blocks != nullptr) return *blocks;
+  raise({ErrorCode::kUnsupported, "this field has no voxels", {}, {}, nullptr});
+}
+
 void bind_maps(py::module_& module, py::class_<Session, SessionPtr>& session) {
   py::class_<CameraIntrinsics>(
       module, "Camera", "A pinhole camera: z ahead, x right, y down; pixel centres are whole.")
@@ -306,29 +305,6 @@ void bind_maps(py::module_& module, py::class_<Session, SessionPtr>& session) {
         return std::array{grid.size_vox.x(), grid.size_vox.y(), grid.size_vox.z()};
       });
 
-  py::class_<Map, std::shared_ptr<Map>>(module, "Map", "A mapper and the field made of it.")
-      .def(
-          "integrate",
-          [](Map& map, const Frame& frame) {
-            return std::const_pointer_cast<DistanceField>(
-                unlocked("map", [&] { return map.integrate(frame); }));
-          },
-          py::arg("frame"),
-          "Adds a frame; the distance field since. Where the frame is unusable (code "
-          "\"bad_frame\"), the map is as it was.")
-      .def_property_readonly("grid",
-                             [](Map& map) {
-                               const py::gil_scoped_release release;
-                               const std::scoped_lock lock(map.mutex);
-                               return map.mapper->grid();
-                             })
-      .def(
-          "occupied", [](Map& map) { return bits_of(map, &OccupancyView::occupied); },
-          "nx x ny x nz, of bool; a copy.")
-      .def(
-          "known", [](Map& map) { return bits_of(map, &OccupancyView::known); },
-          "Observed at least once: nx x ny x nz, of bool; a copy.");
-
   py::class_<DistanceField, std::shared_ptr<DistanceField>>(
       module, "DistanceField",
       "The distance to the nearest obstacle, as one snapshot that never changes.")
@@ -369,6 +345,29 @@ void bind_maps(py::module_& module, py::class_<Session, SessionPtr>& session) {
   module.attr("KNOWN") = static_cast<int>(FieldStatus::kKnown);
   module.attr("UNKNOWN") = static_cast<int>(FieldStatus::kUnknown);
   module.attr("OUTSIDE") = static_cast<int>(FieldStatus::kOutside);
+
+  py::class_<Map, std::shared_ptr<Map>>(module, "Map", "A mapper and the field made of it.")
+      .def(
+          "integrate",
+          [](Map& map, const Frame& frame) {
+            return std::const_pointer_cast<DistanceField>(
+                unlocked("map", [&] { return map.integrate(frame); }));
+          },
+          py::arg("frame"),
+          "Adds a frame; the distance field since. Where the frame is unusable (code "
+          "\"bad_frame\"), the map is as it was.")
+      .def_property_readonly("grid",
+                             [](Map& map) {
+                               const py::gil_scoped_release release;
+                               const std::scoped_lock lock(map.mutex);
+                               return map.mapper->grid();
+                             })
+      .def(
+          "occupied", [](Map& map) { return bits_of(map, &OccupancyView::occupied); },
+          "nx x ny x nz, of bool; a copy.")
+      .def(
+          "known", [](Map& map) { return bits_of(map, &OccupancyView::known); },
+          "Observed at least once: nx x ny x nz, of bool; a copy.");
 
   py::class_<Scene, std::shared_ptr<Scene>>(module, "Scene",
                                             "A world whose shapes are known exactly.")

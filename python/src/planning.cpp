@@ -1,12 +1,13 @@
 // Problems, planners, checks and proofs.
 #include <mutex>
 
-#include <sidestep/certificates/certify.hpp>
+#include <sidestep/certificates/leave_certificate.hpp>
 #include <sidestep/certificates/polynomial_motion.hpp>
 #include <sidestep/planning/optimiser.hpp>
 #include <sidestep/planning/state_cost.hpp>
 #include <sidestep/planning/validity_check.hpp>
 #include <sidestep/problems/problem_set.hpp>
+#include <sidestep/runtime/host.hpp>
 #include <sidestep/runtime/motion_planner.hpp>
 #include <sidestep/runtime/planning_settings.hpp>
 #include <sidestep/runtime/shape_check.hpp>
@@ -18,6 +19,25 @@ namespace sidestep::python {
 namespace {
 
 using FieldPtr = std::shared_ptr<DistanceField>;
+
+/// A method of a Python object's, called with Python's lock. An interrupt goes on to whoever called
+/// the planner, too.
+template <class... Arguments>
+py::object called(const py::object& self, const char* method, Arguments&&... arguments) {
+  try {
+    return self.attr(method)(std::forward<Arguments>(arguments)...);
+  } catch (const py::error_already_set& error) {
+    if (error.matches(PyExc_KeyboardInterrupt)) PyErr_SetInterrupt();
+    throw;
+  }
+}
+
+/// E.g. "3 x 1 x 7".
+std::string text_of(const std::vector<py::ssize_t>& shape) {
+  std::string text;
+  for (const py::ssize_t size : shape) text += (text.empty() ? "" : " x ") + std::to_string(size);
+  return text;
+}
 
 /// A cost that a Python class says: a subclass of sidestep.Cost.
 class PythonCost final : public StateCost {
@@ -42,39 +62,38 @@ class PythonCost final : public StateCost {
 
   void evaluate(const StateBatch& states, const CostBatch& out, Scratch&) const override {
     const py::gil_scoped_acquire lock;
+    const py::ssize_t n = states.count, d = states.dof;
     const auto copied = [](std::span<const double> values, std::vector<py::ssize_t> shape) {
       return py::array_t<double>(std::move(shape), values.data());
     };
-    const py::ssize_t n = states.count, d = states.dof;
-    const py::tuple result = self_.attr("evaluate")(
-        copied(states.q, {n, d}), copied(states.qdot, {n, d}), copied(states.times_s, {n}));
-    const auto write = [&](std::size_t item, std::span<double> into, const char* what,
-                           const std::vector<py::ssize_t>& shape) {
-      if (into.empty()) return;
-      if (item >= result.size()) throw py::value_error("cost '" + name_ + "' returns no " + what);
-      const Doubles array = doubles_of(result[item], what);
-      if (!std::equal(shape.begin(), shape.end(), array.shape(), array.shape() + array.ndim())) {
-        std::string wanted, got;
-        for (const auto size : shape)
-          wanted += (wanted.empty() ? "" : " x ") + std::to_string(size);
-        for (py::ssize_t i = 0; i < array.ndim(); ++i) {
-          got += (got.empty() ? "" : " x ") + std::to_string(array.shape(i));
-        }
-        throw py::value_error("cost '" + name_ + "': " + what + " have to be " + wanted +
-                              ", and are " + got);
-      }
-      std::copy_n(array.data(), into.size(), into.data());
-    };
-    write(0, out.residuals, "residuals", {n, residuals_});
-    write(1, out.jacobian_q, "derivatives by q", {n, residuals_, d});
+    const py::object result = called(self_, "evaluate", copied(states.q, {n, d}),
+                                     copied(states.qdot, {n, d}), copied(states.times_s, {n}));
+    if (!py::isinstance<py::tuple>(result)) throw py::type_error("it does not return a tuple");
+    const auto items = py::reinterpret_borrow<py::tuple>(result);
+    write(items, 0, "residuals", {n, residuals_}, out.residuals);
+    write(items, 1, "derivatives by q", {n, residuals_, d}, out.jacobian_q);
     if (depends_on_velocity_) {
-      write(2, out.jacobian_qdot, "derivatives by qdot", {n, residuals_, d});
+      write(items, 2, "derivatives by qdot", {n, residuals_, d}, out.jacobian_qdot);
     } else {
       std::ranges::fill(out.jacobian_qdot, 0.0);
     }
   }
 
  private:
+  /// One of the arrays that Python returned; where `into` is empty, nobody wants it.
+  static void write(const py::tuple& items, std::size_t item, const char* what,
+                    const std::vector<py::ssize_t>& shape, std::span<double> into) {
+    if (into.empty()) return;
+    if (item >= items.size()) throw py::value_error(std::string("it returns no ") + what);
+    const Doubles array = doubles_of(items[item], what);
+    const std::vector<py::ssize_t> got(array.shape(), array.shape() + array.ndim());
+    if (got != shape) {
+      throw py::value_error(std::string(what) + " have to be " + text_of(shape) + ", and are " +
+                            text_of(got));
+    }
+    std::copy_n(array.data(), into.size(), into.data());
+  }
+
   py::object self_;
   std::string name_;
   int residuals_;
@@ -96,15 +115,17 @@ class PythonOptimiser final : public Optimiser {
                          const Deadline& deadline) override {
     const py::gil_scoped_acquire lock;
     const Stopwatch watch;
-    const py::object found = self_.attr("solve")(problem, initial, deadline.remaining_s());
+    const py::object found = called(self_, "solve", problem, initial, deadline.remaining_s());
     Solution solution;
     solution.solve_ms = watch.elapsed_ms();
-    if (found.is_none()) {
+    if (py::isinstance<Trajectory>(found)) {
+      solution.status = SolveStatus::kConverged;
+      solution.trajectory = found.cast<Trajectory>();
+    } else if (found.is_none()) {
       solution.status = SolveStatus::kNoPath;
       solution.reason = "it found none";
     } else {
-      solution.status = SolveStatus::kConverged;
-      solution.trajectory = found.cast<Trajectory>();
+      throw py::type_error("solve() has to return a Trajectory or None");
     }
     return solution;
   }
@@ -113,17 +134,21 @@ class PythonOptimiser final : public Optimiser {
   py::object self_;
 };
 
+/// An object of a Python class, as the host hands out a plugin's, and named after its class.
+template <class Interface, class Adapter>
+PluginPtr<Interface> made_of(const py::object& self, const char* kind) {
+  const std::string name = py::str(py::type::of(self).attr("__name__"));
+  return {new Adapter(self),
+          {[](void* object) { delete static_cast<Interface*>(object); },
+           std::string(kind) + " " + name}};
+}
+
 /// What a lane's optimiser is made of: a block, or an object of a Python class.
 PluginPtr<Optimiser> make_optimiser(const SessionPtr& session, const RobotPtr& robot,
                                     const py::object& value, const char* key) {
   if (value.is_none()) return nullptr;
   if (py::hasattr(value, "solve")) {
-    const std::string name = py::str(py::type::of(value).attr("__name__"));
-    return {new PythonOptimiser(value),
-            {[](void* object) {
-               delete static_cast<PythonOptimiser*>(static_cast<Optimiser*>(object));
-             },
-             "optimiser " + name}};
+    return made_of<Optimiser, PythonOptimiser>(value, "optimiser");
   }
   const Node node = block_of(value, key);
   return unlocked(key, [&] { return session->host().create<Optimiser>(node, robot); });
@@ -155,18 +180,25 @@ struct Planner {
     MotionQuery query{field, configuration_of(start, about, "start"),
                       configuration_of(goal, about, "goal")};
     for (const py::object& cost : costs) {
-      query.terms.push_back(
-          {std::make_shared<PythonCost>(cost), Placement::kSupportAndInterpolated});
+      query.terms.push_back({guard_cost(made_of<StateCost, PythonCost>(cost, "cost")),
+                             Placement::kSupportAndInterpolated});
     }
     return query;
   }
 };
 
-/// Settings for a robot: it stands on the floor where nothing else is said.
+/// Settings for a robot: where nothing else is said, it stands on the floor, what nobody has seen
+/// is occupied, and what is outside of the map is as what is unknown.
 PlanningSettings planning_of(const py::object& value, const RobotModel& robot) {
-  auto settings = settings_of<PlanningSettings>(value, "planning");
-  if (settings.unknown.empty()) settings.unknown = "occupied";
-  if (settings.outside.empty()) settings.outside = settings.unknown;
+  py::dict block;
+  if (py::isinstance<py::dict>(value)) {
+    block.attr("update")(value);
+  } else if (!value.is_none()) {
+    throw py::type_error("planning has to be a dict");
+  }
+  block.attr("setdefault")("unknown", "occupied");
+  block.attr("setdefault")("outside", block["unknown"]);
+  auto settings = settings_of<PlanningSettings>(block, "planning");
   stand_on_floor(settings, robot);
   return settings;
 }
@@ -210,11 +242,30 @@ Check field_check(const RobotPtr& robot, const FieldPtr& field, const py::object
                            settings_of<CheckSettings>(check, "check").of_field())};
 }
 
-Check shape_check(const RobotPtr& robot, const std::shared_ptr<Scene>& scene,
-                  const py::object& check) {
-  const auto settings = settings_of<CheckSettings>(check, "check");
+/// What a robot's shapes are held against: a scene, or the occupied voxels of a field.
+ShapeObstacles obstacles_of(const py::object& world, const std::string& unknown) {
   ShapeObstacles obstacles;
-  obstacles.scene = scene;
+  if (py::isinstance<Scene>(world)) {
+    obstacles.scene = world.cast<std::shared_ptr<Scene>>();
+    return obstacles;
+  }
+  if (!py::isinstance<DistanceField>(world)) {
+    throw py::type_error("world has to be a Scene or a DistanceField");
+  }
+  if (unknown != "free" && unknown != "occupied") {
+    throw py::value_error("unknown has to be \"free\" or \"occupied\"");
+  }
+  const DenseField& field = dense(world.cast<const DistanceField&>());
+  obstacles.resolution_m = field.info().grid.resolution_m;
+  obstacles.occupied_centres_m =
+      occupied_centres(field, unknown == "free" ? Space::kFree : Space::kOccupied);
+  return obstacles;
+}
+
+Check shape_check(const RobotPtr& robot, const py::object& world, const std::string& unknown,
+                  const py::object& check) {
+  const ShapeObstacles obstacles = obstacles_of(world, unknown);
+  const auto settings = settings_of<CheckSettings>(check, "check");
   ShapeCheckSettings of_shapes = settings.of_shapes();
   for (const AllowedContactEntry& contact : settings.allowed_contacts) {
     of_shapes.allowed_contacts.push_back(contact);
@@ -225,8 +276,8 @@ Check shape_check(const RobotPtr& robot, const std::shared_ptr<Scene>& scene,
   })};
 }
 
-Certification prove(const RobotPtr& robot, const Scene& scene, const Trajectory& trajectory,
-                    double margin_m) {
+Certification prove(const RobotPtr& robot, const py::object& world, const Trajectory& trajectory,
+                    double margin_m, const std::string& unknown) {
   const auto* tree = dynamic_cast<const KinematicTree*>(robot.get());
   if (tree == nullptr) {
     raise({ErrorCode::kUnsupported,
@@ -237,8 +288,9 @@ Certification prove(const RobotPtr& robot, const Scene& scene, const Trajectory&
            nullptr});
   }
   need(trajectory.validate());
+  const CertifiedScene scene = certified_scene(obstacles_of(world, unknown));
   return unlocked("certify", [&] {
-    return certify(*tree, {scene, {}, {}}, polynomials_of(trajectory),
+    return certify(*tree, scene, polynomials_of(trajectory),
                    {.margin_m = margin_m, .wants_certificate = true});
   });
 }
@@ -361,14 +413,15 @@ void bind_planning(py::module_& module, py::class_<Session, SessionPtr>& session
       .def("field_check", &field_check, py::arg("robot"), py::arg("field"),
            py::arg("planning") = py::none(), py::arg("check") = py::none(),
            "The check by the robot's spheres in a field.")
-      .def("shape_check", &shape_check, py::arg("robot"), py::arg("scene"),
-           py::arg("check") = py::none(),
-           "The independent check: the robot's own shapes in a scene, by FCL.")
-      .def("certify", &prove, py::arg("robot"), py::arg("scene"), py::arg("trajectory"),
-           py::arg("margin_m") = 0.0,
-           "Proves over continuous time that a motion keeps clear of a scene that stands still and "
-           "of "
-           "itself, and within limits.")
+      .def(
+          "shape_check", &shape_check, py::arg("robot"), py::arg("world"),
+          py::arg("unknown") = "occupied", py::arg("check") = py::none(),
+          "The independent check: the robot's own shapes, by FCL, in a scene or among the occupied "
+          "voxels of a field. unknown: what its unknown voxels are, \"free\" or \"occupied\".")
+      .def("certify", &prove, py::arg("robot"), py::arg("world"), py::arg("trajectory"),
+           py::arg("margin_m") = 0.0, py::arg("unknown") = "occupied",
+           "Proves over continuous time that a motion keeps clear of a scene that stands still, or "
+           "of the occupied voxels of a field, and of itself, and within limits.")
       .def(
           "read_problem_set",
           [](const std::filesystem::path& from, const RobotPtr& robot) {

@@ -3,7 +3,7 @@
 
 #include <sidestep/robot/robot_model.hpp>
 #include <sidestep/runtime/planning_settings.hpp>
-#include <sidestep/trajectory/trajectory.hpp>
+#include <sidestep/trajectory/write_trajectory.hpp>
 
 #include "bindings.hpp"
 
@@ -184,7 +184,16 @@ void bind_robots(py::module_& module, py::class_<Session, SessionPtr>& session) 
       .def_property_readonly("duration_s", &Trajectory::duration_s)
       .def("__len__", &Trajectory::size)
       .def("sample", &sample, py::arg("times_s"),
-           "Positions and velocities at one time or at n; held before 0 and after the end.");
+           "Positions and velocities at one time or at n; held before 0 and after the end.")
+      .def(
+          "write",
+          [](const Trajectory& trajectory, const std::filesystem::path& file,
+             const RobotModel& robot) {
+            need(write_trajectory(trajectory, names_of(robot.description().joints), file));
+          },
+          py::arg("file"), py::arg("robot"),
+          "For other programs: `.csv`, with a column for each joint's position and velocity, or "
+          "`.json`, MoveIt's RobotTrajectory.");
 
   session.def("robot", &make_robot, py::arg("robot"),
               "A profile by its name (\"hsr\") or file, or a block.");

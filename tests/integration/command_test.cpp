@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fstream>
+#include <sstream>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -95,6 +96,25 @@ TEST_F(CommandTest, LeavesTheCertificateOfAPlan) {
   EXPECT_EQ(std::system((RECHECK " " + (folder_ / "run" / file).string() + " >/dev/null").c_str()),
             0);
   EXPECT_THAT(read_file(folder_ / "run" / "report.html"), HasSubstr("href=\"" + file + "\""));
+}
+
+TEST_F(CommandTest, LeavesTheTrajectoryOfAPlanForOtherPrograms) {
+  const Finished finished = run_tiny({"--set", "experiment.trajectories=csv"});
+  ASSERT_EQ(finished.exit_code, 0) << finished.error << finished.out;
+  std::istringstream table(read_file(folder_ / "run" / "trajectories" / "around.csv"));
+  std::string header, line, last;
+  std::getline(table, header);
+  EXPECT_EQ(header, "time_s,x,y,x.velocity,y.velocity");
+  int states = 0;
+  for (; std::getline(table, line); ++states) last = line;
+  EXPECT_GT(states, 2);
+  std::ranges::replace(last, ',', ' ');
+  std::istringstream fields(last);
+  double time_s = 0.0, x = 0.0, y = 0.0;
+  fields >> time_s >> x >> y;
+  EXPECT_NEAR(time_s, summary().at("/plans/0/duration_s"_json_pointer).get<double>(), 1e-6);
+  EXPECT_NEAR(x, 2.7, 1e-3);
+  EXPECT_NEAR(y, -0.1, 1e-3);
 }
 
 TEST_F(CommandTest, ReachesAnEndEffectorGoal) {

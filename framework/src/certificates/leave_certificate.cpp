@@ -4,12 +4,11 @@
 #include <fstream>
 
 namespace sidestep {
-namespace {
 
-CertifiedScene among(const ShapeObstacles& obstacles, std::vector<AllowedContact> allowed) {
+CertifiedScene certified_scene(const ShapeObstacles& obstacles,
+                               std::vector<AllowedContact> allowed) {
   std::vector<SceneObject> objects;
   if (obstacles.scene) objects = obstacles.scene->objects();
-  if (std::ranges::any_of(objects, &SceneObject::moves)) objects.clear();
   if (const auto& floor = obstacles.floor) {
     const Transform T_world_floor(Eigen::Translation3d(0.0, 0.0, floor->height_m));
     objects.push_back({"the floor", HalfSpace{}, {{0.0, T_world_floor}}});
@@ -24,8 +23,6 @@ CertifiedScene among(const ShapeObstacles& obstacles, std::vector<AllowedContact
   return scene;
 }
 
-}  // namespace
-
 Result<Certification::Outcome> leave_certificate(const RobotModel& robot,
                                                  const ShapeObstacles& obstacles,
                                                  std::vector<AllowedContact> allowed,
@@ -36,7 +33,11 @@ Result<Certification::Outcome> leave_certificate(const RobotModel& robot,
     return fail(ErrorCode::kUnsupported, "a certificate needs a robot that tells its joints",
                 "check.certificate");
   }
-  const auto found = SIDESTEP_TRY(certify(*tree, among(obstacles, std::move(allowed)),
+  ShapeObstacles still = obstacles;
+  if (still.scene && std::ranges::any_of(still.scene->objects(), &SceneObject::moves)) {
+    still.scene = nullptr;
+  }
+  const auto found = SIDESTEP_TRY(certify(*tree, certified_scene(still, std::move(allowed)),
                                           polynomials_of(plan), {.wants_certificate = true}));
   if (found.outcome != Certification::Outcome::kProven) return found.outcome;
   std::error_code ignored;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/field/scene_field.hpp>
 #include <sidestep/runtime/shape_check.hpp>
 
@@ -100,7 +101,17 @@ Result<RaceResult> MotionPlanner::plan(const MotionQuery& query, const Deadline&
   const auto sampled = checks_.make(query.field, planning_.space(), settings);
   settings.margin_m += kSpareMargin_m;
   const auto smooth = checks_.make(query.field, planning_.space(), settings);
-  return race_.run(problem, {*sampled, *smooth}, query.seed, deadline, stop);
+  RaceResult result =
+      SIDESTEP_TRY(race_.run(problem, {*sampled, *smooth}, query.seed, deadline, stop));
+  if (result.trajectory.size() > 0) return result;
+  for (const auto& [end, q] : {std::pair("start", &query.q_start), {"goal", &query.q_goal}}) {
+    const auto violation = checks_.state_violation(query.field, planning_.space(),
+                                                   check_.of_field().margin_m, as_span(*q));
+    if (!violation) continue;
+    result.reason = std::string("the ") + end + " is not valid: " + violation->what();
+    break;
+  }
+  return result;
 }
 
 }  // namespace sidestep

@@ -14,6 +14,7 @@
 #include <sidestep/runtime/run_observer.hpp>
 #include <sidestep/runtime/shape_check.hpp>
 #include <sidestep/runtime/standing_floor.hpp>
+#include <sidestep/trajectory/write_trajectory.hpp>
 #include "plan_parts.hpp"
 
 namespace sidestep {
@@ -48,6 +49,7 @@ struct PlanExperimentSettings : ExperimentSettings {
   std::int64_t max_frames = 0;
   int depth_pictures = 6;
   std::vector<double> slice_heights_m;
+  std::string trajectories = "none";
   std::vector<PlanEntry> plans;
 
   static Parameters<PlanExperimentSettings> parameters() {
@@ -60,6 +62,11 @@ struct PlanExperimentSettings : ExperimentSettings {
         .add("slice_heights_m", &S::slice_heights_m,
              "Heights at which the report cuts the field; empty: chosen from each plan.",
              {.unit = "m"})
+        .add("trajectories", &S::trajectories,
+             "Whether the trajectory of each plan that passes is written for other programs, into "
+             "the run's folder `trajectories`: `csv`, with a column for each joint's position and "
+             "velocity, or `json`, MoveIt's RobotTrajectory.",
+             {.choices = {"none", "csv", "json"}})
         .add("plans", &S::plans, "The plans to make, in this order.", {.required = true});
   }
 };
@@ -238,9 +245,15 @@ Result<void> make_plans(Parts& parts, const MapRecord& map, std::vector<PlanReco
     PlanRecord made = std::move(request);
     SIDESTEP_TRY(make_plan(*shared, parts, context.seed, context.log, context.stop, made));
     if (settings.check.wants_certificate() && made.success()) {
-      made.certified = name_of(SIDESTEP_TRY(
-          leave_certificate(*shared->robot, shared->obstacles, shared->allowed,
-                            made.solution.trajectory, context.out / certificate_of(made.name))));
+      made.certified = name_of(SIDESTEP_TRY(leave_certificate(
+          *shared->robot, shared->obstacles, shared->allowed, made.solution.trajectory,
+          context.out / file_of("certificates", made.name, "json"))));
+    }
+    if (const std::string& format = settings.experiment.trajectories;
+        format != "none" && made.success()) {
+      SIDESTEP_TRY(write_trajectory(made.solution.trajectory,
+                                    names_of(made.robot->description().joints),
+                                    context.out / file_of("trajectories", made.name, format)));
     }
     record_plan(made, index, *shared, settings.experiment.slice_heights_m, recorder);
     if (context.observer != nullptr) show_plan(*context.observer, made, shown_until);

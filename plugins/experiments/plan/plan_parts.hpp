@@ -162,8 +162,9 @@ struct Planners {
                                      std::uint64_t seed, Log& log, std::stop_token stop,
                                      PlanRecord& plan);
 
-/// The certificate of a plan, from the run's folder on.
-[[nodiscard]] std::string certificate_of(const std::string& plan);
+/// Where what is left of a plan lies, from the run's folder on.
+[[nodiscard]] std::string file_of(const std::string& folder, std::string plan,
+                                  const std::string& extension);
 
 // Results.
 

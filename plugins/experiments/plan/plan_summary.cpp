@@ -304,7 +304,7 @@ Result<std::string> plan_body(const Json& summary, ResultsReader& results,
     html += explanation_section(plan);
     html += checks_table(plan);
     if (const Json certified = at(plan, "/certificate"); certified == Json("proven")) {
-      const std::string file = escape_html(certificate_of(name));
+      const std::string file = escape_html(file_of("certificates", name, "json"));
       html += "<p>Proven over all of its time: <a href=\"" + file + "\">" + file +
               "</a>, for <code>sidestep_recheck</code>.</p>\n";
     } else if (certified.is_string()) {
@@ -325,10 +325,9 @@ Json plans_of(const Json& summary) {
 
 }  // namespace
 
-std::string certificate_of(const std::string& plan) {
-  std::string name = plan;
-  std::ranges::replace(name, '/', '_');
-  return "certificates/" + name + ".json";
+std::string file_of(const std::string& folder, std::string plan, const std::string& extension) {
+  std::ranges::replace(plan, '/', '_');
+  return folder + '/' + plan + '.' + extension;
 }
 
 std::optional<double> PlanRecord::min_clearance_m() const noexcept {

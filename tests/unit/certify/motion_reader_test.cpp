@@ -2,6 +2,8 @@
 
 #include <gmock/gmock.h>
 
+#include <sidestep/trajectory/write_trajectory.hpp>
+
 #include "certify_testing.hpp"
 #include "inputs.hpp"
 #include "support/temporary_folder.hpp"
@@ -96,6 +98,54 @@ TEST_F(Motions, NameFileAndLineOfWhatIsWrong) {
   EXPECT_THAT(mistake(""), HasSubstr("motion.csv: a motion has two lines"));
   EXPECT_THAT(only(folder_.write("motion.xyz", "1 2 3")).error().describe(),
               HasSubstr("a motion is .csv, "));
+}
+
+Trajectory written() {
+  return {2, {0.0, 1.0 / 3.0, 1.25}, {0.1, 0.5, -0.2, 0.6, 0.3, 0.55}, {0, 0, 0.7, -0.1, 0, 0}};
+}
+
+TEST_F(Motions, ThatWereWrittenAreReadAsTheyWere) {
+  const Trajectory trajectory = written();
+  for (const std::string kind : {"csv", "json", "yaml"}) {
+    const auto file = folder_.path() / "of" / ("motion." + kind);
+    const auto is_written = write_trajectory(trajectory, {"turn", "slide"}, file);
+    ASSERT_TRUE(is_written) << is_written.error().describe();
+    const auto motion = only(file);
+    ASSERT_TRUE(motion) << motion.error().describe();
+    ASSERT_EQ(motion->pieces.size(), 2U);
+    const double resolution_s = kind == "csv" ? 0.0 : 0.5e-9;
+    for (const double time_s : {0.0, 0.1, 0.3, 0.9, 1.25}) {
+      Eigen::Vector2d q, qdot;
+      trajectory.sample(time_s, {q.data(), 2}, {qdot.data(), 2});
+      const PolynomialPiece& piece = motion->pieces[time_s < 1.0 / 3.0 ? 0 : 1];
+      const double t = time_s - piece.begin_s;
+      for (std::size_t j = 0; j < 2; ++j) {
+        const auto& c = piece.coefficients[j];
+        EXPECT_NEAR(c[0] + t * (c[1] + t * (c[2] + t * c[3])), q[static_cast<int>(j)],
+                    1e-12 + 4 * resolution_s)
+            << kind << " at " << time_s;
+      }
+    }
+    EXPECT_NEAR(motion->pieces[0].end_s, 1.0 / 3.0, resolution_s);
+  }
+}
+
+TEST_F(Motions, AreNotWrittenWhereTheyWouldNotBeReadBack) {
+  const auto refusal = [&](const Trajectory& trajectory, const std::vector<std::string>& joints,
+                           const std::filesystem::path& file) {
+    const auto is_written = write_trajectory(trajectory, joints, file);
+    return is_written ? "written" : is_written.error().describe();
+  };
+  const auto file = folder_.path() / "motion.csv";
+  EXPECT_THAT(refusal(written(), {"turn"}, file), HasSubstr("has 2 joints, and 1 are named"));
+  EXPECT_THAT(refusal(written(), {"turn", "sli,de"}, file), HasSubstr("'sli,de' cannot be"));
+  EXPECT_THAT(refusal(written(), {"turn", "slide"}, folder_.path() / "motion.npy"),
+              HasSubstr("motion.npy: a trajectory is written as .csv"));
+  EXPECT_THAT(refusal({2, {0.0, 0.0}, {0, 0, 0, 0}, {0, 0, 0, 0}}, {"turn", "slide"}, file),
+              HasSubstr("time"));
+  EXPECT_THAT(refusal(written(), {"turn", "slide"}, "/proc/motion.csv"),
+              HasSubstr("/proc/motion.csv: cannot be written"));
+  EXPECT_FALSE(std::filesystem::exists(file));
 }
 
 constexpr const char* kTrajectory = R"(joint_trajectory:
