@@ -14,5 +14,5 @@ write_basic_package_version_file(${CMAKE_BINARY_DIR}/cmake/SidestepConfigVersion
 install(FILES
   ${CMAKE_BINARY_DIR}/cmake/SidestepConfig.cmake
   ${CMAKE_BINARY_DIR}/cmake/SidestepConfigVersion.cmake
-  cmake/SidestepPlugin.cmake
+  cmake/SidestepPlugin.cmake cmake/plugin_exports.map
   DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/Sidestep)

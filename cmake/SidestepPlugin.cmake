@@ -20,7 +20,8 @@ function(sidestep_add_plugin name)
     VISIBILITY_INLINES_HIDDEN ON)
   target_link_libraries(${target} PRIVATE Sidestep::sdk ${ARG_LINK})
   if(NOT SIDESTEP_SANITIZE)
-    target_link_options(${target} PRIVATE LINKER:--no-undefined)
+    target_link_options(${target} PRIVATE LINKER:--no-undefined
+      LINKER:--version-script,${CMAKE_CURRENT_FUNCTION_LIST_DIR}/plugin_exports.map)
   endif()
   if(COMMAND sidestep_warnings)  # inside Sidestep's own tree
     sidestep_warnings(${target})

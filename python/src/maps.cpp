@@ -59,6 +59,8 @@ py::object points_of(const py::object& self) {
                         cloud->points_m.empty() ? nullptr : cloud->points_m.front().data(), self);
 }
 
+constexpr double kPatience_s = 0.1;  ///< Before Ctrl-C is looked for.
+
 /// A source as an iterator: frames that cannot be used are passed over, and kept as errors.
 struct Frames {
   explicit Frames(std::shared_ptr<Source> its) : source(std::move(its)) {}
@@ -72,8 +74,12 @@ struct Frames {
       auto frame = [&] {
         const py::gil_scoped_release release;
         const std::scoped_lock lock(mutex);
-        return catch_all("source", [&] { return source->next(Deadline()); });
+        return catch_all("source", [&] { return source->next(Deadline::after_s(kPatience_s)); });
       }();
+      if (!frame && frame.error().code == ErrorCode::kDeadlineExceeded) {
+        if (PyErr_CheckSignals() != 0) throw py::error_already_set();
+        continue;
+      }
       if (!frame && frame.error().code == ErrorCode::kBadFrame) {
         bad_frames.append(exception_of(frame.error()));
         continue;
@@ -213,6 +219,8 @@ Scene make_scene(const SessionPtr& session, const py::object& value,
     SceneReading reading = read_scene(node_of(value, "scene"));
     if (!reading.errors.empty()) raise(reading.errors.front());
     scene = std::move(reading.scene);
+  } else if (!py::isinstance<py::str>(value) && !py::hasattr(value, "__fspath__")) {
+    throw py::type_error("a scene is a name, a file or a dict");
   } else {
     scene = need(load_scene(value.cast<std::filesystem::path>(),
                             {install_layout().configs / "scenes"}, session->documents()));
@@ -290,7 +298,7 @@ void bind_maps(py::module_& module, py::class_<Session, SessionPtr>& session) {
       .def("__len__",
            [](const Frames& frames) {
              const auto count = frames.source->frame_count();
-             if (!count) throw py::type_error("nobody knows how many frames there will be");
+             if (!count) throw py::type_error("the number of frames is unknown");
              return *count;
            })
       .def_readonly("bad_frames", &Frames::bad_frames,

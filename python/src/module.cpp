@@ -25,12 +25,16 @@ std::string float_text(const py::handle& value) {
 SessionPtr make_session(std::uint64_t seed, int threads,
                         std::vector<std::filesystem::path> plugin_paths) {
   if (threads < 0) throw py::value_error("threads is to be 0, for one per core, or more");
+  const py::gil_scoped_release release;
   return std::make_shared<Session>(RunSettings{seed, threads, std::move(plugin_paths)});
 }
 
 py::object read(const Session& session, const std::filesystem::path& file,
                 const std::vector<std::string>& overrides) {
-  auto reading = read_configuration(file, overrides, session.documents());
+  auto reading = [&] {
+    const py::gil_scoped_release release;
+    return read_configuration(file, overrides, session.documents());
+  }();
   if (!reading.errors.empty()) raise(reading.errors.front());
   return object_of(reading.configuration.root);
 }

@@ -20,10 +20,17 @@ namespace {
 
 using FieldPtr = std::shared_ptr<DistanceField>;
 
+/// How many methods of Python this thread is in.
+thread_local int python_depth = 0;
+
 /// A method of a Python object's, called with Python's lock. An interrupt goes on to whoever called
 /// the planner, too.
 template <class... Arguments>
 py::object called(const py::object& self, const char* method, Arguments&&... arguments) {
+  struct Depth {
+    Depth() { ++python_depth; }
+    ~Depth() { --python_depth; }
+  } const within;
   try {
     return self.attr(method)(std::forward<Arguments>(arguments)...);
   } catch (const py::error_already_set& error) {
@@ -121,6 +128,10 @@ class PythonOptimiser final : public Optimiser {
     if (py::isinstance<Trajectory>(found)) {
       solution.status = SolveStatus::kConverged;
       solution.trajectory = found.cast<Trajectory>();
+      if (solution.trajectory.dof != initial.dof) {
+        throw py::value_error("it returns a trajectory of " +
+                              std::to_string(solution.trajectory.dof) + " joints");
+      }
     } else if (found.is_none()) {
       solution.status = SolveStatus::kNoPath;
       solution.reason = "it found none";
@@ -168,14 +179,34 @@ struct Planner {
                   double deadline_s, std::uint64_t seed, const std::vector<py::object>& costs) {
     MotionQuery query = query_of(field, start, goal, costs);
     query.seed = seed;
-    return unlocked("planning", [&] {
-      const std::scoped_lock lock(mutex);
+    return unlocked("planning", [&]() -> Result<RaceResult> {
+      const auto lock = SIDESTEP_TRY(own());
       return planner.plan(query, Deadline::after_s(deadline_s));
     });
   }
+  Problem pose(const FieldPtr& field, const py::object& start, const py::object& goal,
+               const std::vector<py::object>& costs) {
+    const MotionQuery query = query_of(field, start, goal, costs);
+    return unlocked("planning", [&]() -> Result<Problem> {
+      const auto lock = SIDESTEP_TRY(own());
+      Problem problem = planner.pose(query);
+      SIDESTEP_TRY(problem.validate());
+      return problem;
+    });
+  }
+  /// The planner, for this thread alone. Fails within a cost or an optimiser in Python where it is
+  /// not free, since it may be waiting for that.
+  Result<std::unique_lock<std::mutex>> own() {
+    std::unique_lock lock(mutex, std::try_to_lock);
+    if (!lock.owns_lock() && python_depth > 0) {
+      return fail(ErrorCode::kInvalidArgument,
+                  "a planner cannot be asked by a cost or an optimiser while it is planning");
+    }
+    if (!lock.owns_lock()) lock.lock();
+    return lock;
+  }
   MotionQuery query_of(const FieldPtr& field, const py::object& start, const py::object& goal,
                        const std::vector<py::object>& costs) const {
-    if (!field) throw py::value_error("there is no field");
     const RobotDescription& about = robot->description();
     MotionQuery query{field, configuration_of(start, about, "start"),
                       configuration_of(goal, about, "goal")};
@@ -207,7 +238,6 @@ std::shared_ptr<Planner> make_planner(const SessionPtr& session, const RobotPtr&
                                       const py::object& optimiser, const py::object& sampler,
                                       const std::optional<std::vector<std::string>>& seeds,
                                       const py::object& planning, const py::object& check) {
-  if (!robot) throw py::value_error("there is no robot");
   std::vector<std::string> guesses = seeds.value_or(std::vector<std::string>());
   if (!seeds && !optimiser.is_none()) guesses.emplace_back("straight");
   if (!seeds && !sampler.is_none()) guesses.emplace_back("sampled");
@@ -238,33 +268,45 @@ struct Check {
 
 Check field_check(const RobotPtr& robot, const FieldPtr& field, const py::object& planning,
                   const py::object& check) {
-  return {make_field_check(robot, field, planning_of(planning, *robot).space(),
-                           settings_of<CheckSettings>(check, "check").of_field())};
+  const SpacePolicy space = planning_of(planning, *robot).space();
+  const auto settings = settings_of<CheckSettings>(check, "check").of_field();
+  const py::gil_scoped_release release;
+  return {make_field_check(robot, field, space, settings)};
 }
 
 /// What a robot's shapes are held against: a scene, or the occupied voxels of a field.
-ShapeObstacles obstacles_of(const py::object& world, const std::string& unknown) {
-  ShapeObstacles obstacles;
-  if (py::isinstance<Scene>(world)) {
-    obstacles.scene = world.cast<std::shared_ptr<Scene>>();
+struct World {
+  std::shared_ptr<const Scene> scene;
+  std::shared_ptr<const DistanceField> field;
+  Space unknown = Space::kOccupied;
+
+  World(const py::object& world, const std::string& unknown_is) {
+    if (py::isinstance<Scene>(world)) {
+      scene = world.cast<std::shared_ptr<Scene>>();
+    } else if (py::isinstance<DistanceField>(world)) {
+      field = world.cast<std::shared_ptr<DistanceField>>();
+      (void)dense(*field);
+    } else {
+      throw py::type_error("world has to be a Scene or a DistanceField");
+    }
+    if (unknown_is != "free" && unknown_is != "occupied") {
+      throw py::value_error("unknown has to be \"free\" or \"occupied\"");
+    }
+    if (unknown_is == "free") unknown = Space::kFree;
+  }
+  [[nodiscard]] ShapeObstacles obstacles() const {
+    ShapeObstacles obstacles;
+    obstacles.scene = scene;
+    if (!field) return obstacles;
+    obstacles.resolution_m = field->info().grid.resolution_m;
+    obstacles.occupied_centres_m = occupied_centres(*field, unknown);
     return obstacles;
   }
-  if (!py::isinstance<DistanceField>(world)) {
-    throw py::type_error("world has to be a Scene or a DistanceField");
-  }
-  if (unknown != "free" && unknown != "occupied") {
-    throw py::value_error("unknown has to be \"free\" or \"occupied\"");
-  }
-  const DenseField& field = dense(world.cast<const DistanceField&>());
-  obstacles.resolution_m = field.info().grid.resolution_m;
-  obstacles.occupied_centres_m =
-      occupied_centres(field, unknown == "free" ? Space::kFree : Space::kOccupied);
-  return obstacles;
-}
+};
 
-Check shape_check(const RobotPtr& robot, const py::object& world, const std::string& unknown,
+Check shape_check(const RobotPtr& robot, const py::object& in, const std::string& unknown,
                   const py::object& check) {
-  const ShapeObstacles obstacles = obstacles_of(world, unknown);
+  const World world(in, unknown);
   const auto settings = settings_of<CheckSettings>(check, "check");
   ShapeCheckSettings of_shapes = settings.of_shapes();
   for (const AllowedContactEntry& contact : settings.allowed_contacts) {
@@ -272,12 +314,13 @@ Check shape_check(const RobotPtr& robot, const py::object& world, const std::str
   }
   return {unlocked("check", [&]() -> Result<std::shared_ptr<const ValidityCheck>> {
     return std::shared_ptr<const ValidityCheck>(
-        SIDESTEP_TRY(make_shape_check(robot, obstacles, of_shapes)));
+        SIDESTEP_TRY(make_shape_check(robot, world.obstacles(), of_shapes)));
   })};
 }
 
-Certification prove(const RobotPtr& robot, const py::object& world, const Trajectory& trajectory,
+Certification prove(const RobotPtr& robot, const py::object& in, const Trajectory& trajectory,
                     double margin_m, const std::string& unknown) {
+  const World world(in, unknown);
   const auto* tree = dynamic_cast<const KinematicTree*>(robot.get());
   if (tree == nullptr) {
     raise({ErrorCode::kUnsupported,
@@ -288,9 +331,8 @@ Certification prove(const RobotPtr& robot, const py::object& world, const Trajec
            nullptr});
   }
   need(trajectory.validate());
-  const CertifiedScene scene = certified_scene(obstacles_of(world, unknown));
   return unlocked("certify", [&] {
-    return certify(*tree, scene, polynomials_of(trajectory),
+    return certify(*tree, certified_scene(world.obstacles()), polynomials_of(trajectory),
                    {.margin_m = margin_m, .wants_certificate = true});
   });
 }
@@ -334,26 +376,27 @@ void bind_planning(py::module_& module, py::class_<Session, SessionPtr>& session
             return plan.earlier.empty() ? plan.took_ms : plan.earlier.front().took_ms;
           },
           "Until there was any valid answer.")
+      .def_property_readonly(
+          "earlier",
+          [](const RaceResult& plan) {
+            std::vector<Trajectory> found;
+            for (const EarlierAnswer& answer : plan.earlier) found.push_back(answer.trajectory);
+            return found;
+          },
+          "Valid trajectories that were found before a better one, in order.")
       .def_readonly("spent_ms", &RaceResult::spent_ms, "Until the planner ended.")
       .def("__bool__", [](const RaceResult& plan) { return plan.trajectory.size() > 0; });
 
   py::class_<Planner, std::shared_ptr<Planner>>(
       module, "Planner", "Plans a robot's motions and answers only with what passes its check.")
-      .def("plan", &Planner::plan, py::arg("field"), py::arg("start"), py::arg("goal"),
+      .def("plan", &Planner::plan, py::arg("field").none(false), py::arg("start"), py::arg("goal"),
            py::arg("deadline_s") = 5.0, py::arg("seed") = 0,
            py::arg("costs") = std::vector<py::object>(),
            "start, goal: a pose's name, {\"pose\": ..., \"joints\": {...}} or dof values. costs: "
            "objects of classes derived from sidestep.Cost.")
-      .def(
-          "problem",
-          [](const Planner& self, const FieldPtr& field, const py::object& start,
-             const py::object& goal, const std::vector<py::object>& costs) {
-            Problem problem = self.planner.pose(self.query_of(field, start, goal, costs));
-            need(problem.validate());
-            return problem;
-          },
-          py::arg("field"), py::arg("start"), py::arg("goal"),
-          py::arg("costs") = std::vector<py::object>(), "What the planner's optimiser is given.");
+      .def("problem", &Planner::pose, py::arg("field").none(false), py::arg("start"),
+           py::arg("goal"), py::arg("costs") = std::vector<py::object>(),
+           "What the planner's optimiser is given.");
 
   py::class_<Verdict>(module, "Verdict", "What a check says; true where a motion is valid.")
       .def("__bool__", &Verdict::valid)
@@ -410,15 +453,15 @@ void bind_planning(py::module_& module, py::class_<Session, SessionPtr>& session
           "scene", [](const SetProblem& p) { return std::const_pointer_cast<Scene>(p.scene); });
 
   module
-      .def("field_check", &field_check, py::arg("robot"), py::arg("field"),
+      .def("field_check", &field_check, py::arg("robot").none(false), py::arg("field").none(false),
            py::arg("planning") = py::none(), py::arg("check") = py::none(),
            "The check by the robot's spheres in a field.")
       .def(
-          "shape_check", &shape_check, py::arg("robot"), py::arg("world"),
+          "shape_check", &shape_check, py::arg("robot").none(false), py::arg("world"),
           py::arg("unknown") = "occupied", py::arg("check") = py::none(),
           "The independent check: the robot's own shapes, by FCL, in a scene or among the occupied "
           "voxels of a field. unknown: what its unknown voxels are, \"free\" or \"occupied\".")
-      .def("certify", &prove, py::arg("robot"), py::arg("world"), py::arg("trajectory"),
+      .def("certify", &prove, py::arg("robot").none(false), py::arg("world"), py::arg("trajectory"),
            py::arg("margin_m") = 0.0, py::arg("unknown") = "occupied",
            "Proves over continuous time that a motion keeps clear of a scene that stands still, or "
            "of the occupied voxels of a field, and of itself, and within limits.")
@@ -428,12 +471,13 @@ void bind_planning(py::module_& module, py::class_<Session, SessionPtr>& session
             return unlocked("problems",
                             [&] { return read_problem_set(from, robot->description()); });
           },
-          py::arg("path"), py::arg("robot"),
+          py::arg("path"), py::arg("robot").none(false),
           "Every problem of a file or folder, in order (docs/reference/problem_sets.md).");
 
-  session.def("planner", &make_planner, py::arg("robot"), py::arg("optimiser") = py::none(),
-              py::arg("sampler") = py::none(), py::arg("seeds") = std::nullopt,
-              py::arg("planning") = py::none(), py::arg("check") = py::none(),
+  session.def("planner", &make_planner, py::arg("robot").none(false),
+              py::arg("optimiser") = py::none(), py::arg("sampler") = py::none(),
+              py::arg("seeds") = std::nullopt, py::arg("planning") = py::none(),
+              py::arg("check") = py::none(),
               "An optimiser, a sampling planner or both in a race: blocks, or for the optimiser an "
               "object of a class derived from sidestep.Optimiser. planning, check: the blocks of "
               "a configuration.");

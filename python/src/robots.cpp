@@ -189,7 +189,9 @@ void bind_robots(py::module_& module, py::class_<Session, SessionPtr>& session) 
           "write",
           [](const Trajectory& trajectory, const std::filesystem::path& file,
              const RobotModel& robot) {
-            need(write_trajectory(trajectory, names_of(robot.description().joints), file));
+            unlocked("trajectory", [&] {
+              return write_trajectory(trajectory, names_of(robot.description().joints), file);
+            });
           },
           py::arg("file"), py::arg("robot"),
           "For other programs: `.csv`, with a column for each joint's position and velocity, or "

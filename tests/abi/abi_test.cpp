@@ -1,4 +1,6 @@
+#include <cfenv>
 #include <filesystem>
+#include <limits>
 #include <string>
 
 #include <gmock/gmock.h>
@@ -61,11 +63,47 @@ TEST(Abi, APluginBuiltForAnotherInstructionSetIsRefused) {
   EXPECT_THAT(refusal("march"), AllOf(HasSubstr("EIGEN_MAX_ALIGN_BYTES"), HasSubstr("-march")));
 }
 
+TEST(Abi, MacrosThatChangeObjectsAreRefusedByName) {
+  EXPECT_THAT(refusal("glibcxx_debug"),
+              AllOf(HasSubstr("differs in _GLIBCXX_DEBUG"), HasSubstr("without -D_GLIBCXX_DEBUG")));
+  EXPECT_THAT(refusal("eigen_row_major"), HasSubstr("differs in EIGEN_DEFAULT_TO_ROW_MAJOR"));
+  EXPECT_THAT(refusal("eigen_index"), HasSubstr("differs in EIGEN_DEFAULT_DENSE_INDEX_TYPE"));
+}
+
+TEST(Abi, CompatibleCompilersAndLaterStandardsAreAccepted) {
+  for (const std::string name : {"newer_compiler", "cxx23"}) {
+    HostFixture fixture({folder(name)});
+    EXPECT_EQ(fixture.host.plugins().size(), 1U) << name;
+  }
+}
+
+/// What is lost where the processor flushes denormals to zero.
+double tenth_of_least_normal() {
+  volatile double least = std::numeric_limits<double>::min();
+  return least / 10.0;
+}
+
+TEST(Abi, APluginCannotChangeTheRoundingOfTheHost) {
+  ASSERT_GT(tenth_of_least_normal(), 0.0);
+  HostFixture fast({folder("fast_math")});
+  EXPECT_EQ(fast.host.plugins().size(), 1U);
+  EXPECT_GT(tenth_of_least_normal(), 0.0);
+  HostFixture rounds({folder("create_rounds")});
+  EXPECT_FALSE(rounds.host.create<Mapper>(HostFixture::block("{plugin: broken}")));
+  EXPECT_EQ(std::fegetround(), FE_TONEAREST);
+}
+
 TEST(Abi, WhatIsNoPluginIsRefused) {
   EXPECT_THAT(refusal("no_symbol"), HasSubstr("does not export sidestep_plugin()"));
   EXPECT_THAT(refusal("null_descriptor"), HasSubstr("returned null"));
   EXPECT_THAT(refusal("undefined_symbol"),
-              AllOf(HasSubstr("cannot be loaded: "), HasSubstr("function_that_no_library_has")));
+              AllOf(HasSubstr("cannot be loaded: no library has function_that_no_library_has()"),
+                    HasSubstr("LINK")));
+  EXPECT_THAT(
+      refusal("old_symbol"),
+      AllOf(HasSubstr("it uses sidestep::function_of_an_old_sidestep(), which this Sidestep "
+                      "does not have"),
+            HasSubstr("cmake --build")));
   EXPECT_THAT(refusal("descriptor_throws"), HasSubstr("sidestep_plugin() threw"));
   EXPECT_THAT(refusal("schema_throws"), HasSubstr("schema() threw: no schema today"));
   EXPECT_THAT(refusal("not_elf"), HasSubstr("cannot be loaded: "));

@@ -1,16 +1,26 @@
 // One library for every plugin that must not load, or must not be created: it is broken in the way
-// that the folder it lies in is named after. What breaks at link time are the words below.
+// that the folder it lies in is named after, or does harm to the process that opens it. What breaks
+// at link time are the words below.
 #include <dlfcn.h>
 
+#include <cfenv>
+#include <chrono>
+#include <csignal>
+#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <map>
 #include <stdexcept>
 #include <string>
+#include <thread>
 
+#include <sidestep/mapping/occupancy_view.hpp>
 #include <sidestep/plugin/plugin.hpp>
 
 void* function_that_no_library_has();
+namespace sidestep {
+void* function_of_an_old_sidestep();
+}
 
 namespace {
 
@@ -22,6 +32,28 @@ std::string fault() {
   return std::filesystem::path(self.dli_fname).parent_path().filename().string();
 }
 
+/// What libraries do as they are opened, or asked, whose name says `STAGE_HARM`.
+void harm_process(const std::string& stage) {
+  const std::string name = fault();
+  if (!name.starts_with(stage + "_harm_")) return;
+  const std::string how = name.substr(stage.size() + 6);
+  if (how == "segv") *static_cast<volatile int*>(nullptr) = 1;
+  if (how == "abort") std::abort();
+  if (how == "exit") std::exit(0);
+  if (how == "quick_exit") std::quick_exit(0);
+  if (how == "throw") throw std::runtime_error("not today");
+  if (how == "kill") std::raise(SIGKILL);
+  if (how == "hang") {
+    for (;;) std::this_thread::sleep_for(std::chrono::hours(1));
+  }
+}
+
+struct Construct {
+  Construct() { harm_process("construct"); }
+  ~Construct() { harm_process("destruct"); }
+};
+const Construct construct;
+
 struct Options {
   double size_m = 1.0;
   static Parameters<Options> parameters() {
@@ -30,6 +62,7 @@ struct Options {
 };
 
 const Schema& schema() {
+  harm_process("schema");
   static const Schema schema = Options::parameters().schema();
   return schema;
 }
@@ -37,13 +70,16 @@ const Schema& schema() {
 const Schema& throwing_schema() { throw std::runtime_error("no schema today"); }
 
 void check(const Node&, std::vector<Error>&) {
+  harm_process("check");
   if (fault() == "check_throws") throw std::runtime_error("checked too hard");
 }
 
 void* create(const Node&, const HostContext&, Error* error) {
 #if defined(UNDEFINED_SYMBOL)
-  return function_that_no_library_has();
+  return UNDEFINED_SYMBOL();
 #endif
+  harm_process("create");
+  if (fault() == "create_rounds") std::fesetround(FE_TOWARDZERO);
   if (fault() == "create_throws") throw std::runtime_error("the sensor is on fire");
   if (fault() == "create_throws_int") throw 42;
   if (fault() == "create_fails") {
@@ -61,6 +97,8 @@ const std::map<std::string, Break>& breaks() {
       {"sdk_major", [](PluginDescriptor& d) { d.sdk_major = 99; }},
       {"sdk_minor", [](PluginDescriptor& d) { d.sdk_minor = 99; }},
       {"compiler_abi", [](PluginDescriptor& d) { std::strcpy(d.abi.compiler_abi, "other-1"); }},
+      {"newer_compiler",
+       [](PluginDescriptor& d) { std::strcpy(d.abi.compiler_abi, "itanium-1021"); }},
       {"cxx11_abi", [](PluginDescriptor& d) { d.abi.libstdcxx_cxx11_abi = 0; }},
       {"cplusplus", [](PluginDescriptor& d) { d.abi.cplusplus = 201703; }},
       {"eigen_version", [](PluginDescriptor& d) { d.abi.eigen_version = 30399; }},
@@ -95,7 +133,7 @@ PluginDescriptor make_descriptor() {
   d.name = "broken";
   d.version = "1";
   d.doc = "Broken on purpose";
-  d.views = detail::kViewNames<>;
+  d.views = detail::kViewNames<OccupancyView>;
   d.schema = &schema;
   d.check = &check;
   d.create = &create;
@@ -110,6 +148,7 @@ PluginDescriptor make_descriptor() {
 extern "C" SIDESTEP_EXPORT int something_else() { return 1; }
 #else
 extern "C" SIDESTEP_EXPORT const PluginDescriptor* sidestep_plugin() {
+  harm_process("descriptor");
   if (fault() == "descriptor_throws") throw 1;
   if (fault() == "null_descriptor") return nullptr;
   static const PluginDescriptor descriptor = make_descriptor();

@@ -26,6 +26,12 @@ expect "FieldConformance" "$work/tests.log"
 expect "KeepSide.Conforms" "$work/tests.log"
 expect "PredictorConformance" "$work/tests.log"
 
+# A plugin exports its entry and names of types, nothing of what it was linked from.
+if nm -D --defined-only "$work/plugin/libfield_chessboard.so" | grep -vE ' (sidestep_plugin|_ZT[IS].*)$'; then
+  say "the plugin exports more than its entry"
+  exit 1
+fi
+
 sidestep=$prefix/bin/sidestep
 env -u LD_LIBRARY_PATH "$sidestep" plugins >"$work/plugins.txt"
 expect "voxel_grid" "$work/plugins.txt"
@@ -73,6 +79,20 @@ expect "--set field.inflation_m=2: 'inflation_m' must be below max_distance_m" "
 
 env -u LD_LIBRARY_PATH "$sidestep" plugins voxel_grid >"$work/voxel_grid.txt"
 expect "$prefix/" "$work/voxel_grid.txt"
+
+# The Python module, where it is built, finds what is installed beside it.
+module=$(find "$prefix" -name '_core*.so' -path '*dist-packages/sidestep*')
+if [ -n "$module" ] || [ -d "$build/python/sidestep" ]; then
+  PYTHONPATH=$(dirname "$(dirname "$module")") /usr/bin/python3 - "$prefix" <<'EOF' || { say "the installed Python module does not work"; exit 1; }
+import sys
+import sidestep
+import sidestep.results
+session = sidestep.Session()
+session.planner(session.robot("hsr"), "gp_chain", sampler="rrt_connect")
+maps = open("/proc/self/maps").read()
+sys.exit(0 if sys.argv[1] + "/lib" in maps and "build/release/lib" not in maps else 1)
+EOF
+fi
 
 # Its libraries and plugins are its own, not the build tree's.
 if ldd "$sidestep" | grep -F "$build/lib/"; then

@@ -2,7 +2,7 @@
 # Runs an experiment with one part that throws, in each of the methods that a run calls: the command
 # must end with exit code 3 and name the plugin, whoever called it.
 #
-#   check_faults.sh SIDESTEP PLUGIN_FOLDER WORK
+#   check_faults.sh SIDESTEP PLUGIN_FOLDER WORK [alone]
 set -euo pipefail
 sidestep=$1 work=$3
 export SIDESTEP_PLUGIN_PATH=$2
@@ -31,6 +31,58 @@ expect 3 "plugin cost throwing: threw: on fire in evaluate" optimiser.plugin=gp_
   "${thrower}evaluate}}]"
 expect 3 "plugin cost throwing: threw: on fire in linearise" optimiser.plugin=gp_chain \
   "${thrower}linearise}}]"
+# Under a sanitizer there is one process, and nobody is named.
+if [ "${4:-}" != alone ]; then
+# What ends the process in them names them, too, and leaves what was measured.
+# harms KIND METHOD HOW TEXT
+harms() {
+  expect 3 "plugin $1 throwing: $4" "$1.plugin=throwing" "$1.throws_in=$2:$3"
+  sqlite3 "$work/out/results.sqlite" 'SELECT value FROM provenance' >/dev/null || failed=1
+  grep -q "plugin $1 throwing: " "$work/out/run.log" || { echo "$*: not in run.log"; failed=1; }
+}
+crashed="crashed (Segmentation fault)" gave_up="aborted (abort() or an uncaught exception)"
+exited="ended the process with exit code 0"
+harms source next segv "$crashed"
+harms source next abort "$gave_up"
+harms source next terminate "$gave_up"
+expect 4 "Sidestep: $gave_up, while others were in source throwing" source.plugin=throwing source.throws_in=next:thread
+harms source next overflow "$crashed"
+harms source next fpe "crashed (Floating point exception)"
+harms source next exit "$exited"
+harms source next _exit "$exited"
+harms source next quick_exit "$exited"
+harms source next killed "killed by SIGKILL (out of memory?)"
+harms mapper integrate segv "$crashed; the last frame was 0"
+harms field update exit "$exited; the last frame was 0"
+harms robot sphere_jacobians segv "$crashed; the last frame was 1"
+harms robot sphere_jacobians overflow "$crashed; the last frame was 1"
+harms optimiser solve abort "$gave_up; the last frame was 1"
+harms mapper integrate worker "$crashed; the last frame was 0"
+expect 3 "plugin cost throwing: $crashed" optimiser.plugin=gp_chain "${thrower}'linearise:segv'}}]"
+
+# One that hangs is named after the first Ctrl-C, and the second ends it.
+# heard TEXT: waits for a line of the log.
+heard() {
+  for _ in $(seq 300); do
+    if grep -qF -- "$1" "$work/log"; then return; fi
+    sleep 0.1
+  done
+  echo "'$1' does not come:"
+  cat "$work/log"
+  failed=1
+}
+"$sidestep" run "$configuration" --out "$work/out" --set mapper.plugin=throwing --set mapper.throws_in=integrate:hang \
+  >"$work/log" 2>&1 &
+hung=$!
+heard "hanging in integrate"
+kill -INT "$hung"
+heard "waiting for plugin mapper throwing; a second Ctrl-C ends at once"
+kill -INT "$hung"
+code=0
+wait "$hung" || code=$?
+[ "$code" -eq 130 ] || { echo "exit code $code after a second Ctrl-C"; failed=1; }
+fi
+
 # What they return instead names them, too.
 expect 4 "mapper throwing, frame 0: has seen enough" mapper.plugin=throwing
 expect 4 "field throwing: has nothing to say" field.plugin=throwing

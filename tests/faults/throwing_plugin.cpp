@@ -1,8 +1,16 @@
 // One source for six plugins that load, and throw once they run: THROWING_SOURCE, THROWING_MAPPER
 // and so on. The parameter `throws_in` names the method that throws; the others do not.
-#include <algorithm>
-#include <stdexcept>
+#include <unistd.h>
 
+#include <algorithm>
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <stdexcept>
+#include <thread>
+
+#include <sidestep/core/worker_pool.hpp>
 #include <sidestep/mapping/dense_field_publisher.hpp>
 #include <sidestep/planning/residual_names.hpp>
 #include <sidestep/plugin/map_options.hpp>
@@ -13,12 +21,50 @@ namespace {
 
 using namespace sidestep;
 
-/// Throws in the method that was asked for.
+/// What a plugin can do to the process that it is in.
+[[maybe_unused]] int fill_stack(volatile int* below) {
+  volatile int more[1000];
+  more[0] = below[0] + 1;
+  return fill_stack(more) + more[0];
+}
+void throw_in_vain() { throw std::runtime_error("nobody catches this"); }
+void crash() { *static_cast<volatile int*>(nullptr) = 1; }
+
+void harm_process(const std::string& method, const std::string& how) {
+  if (how == "segv") crash();
+  if (how == "worker") {
+    WorkerPool workers(2);
+    workers.run(64, [caller = std::this_thread::get_id()](int) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+      if (std::this_thread::get_id() != caller) crash();
+    });
+  }
+  if (how == "fpe") std::raise(SIGFPE);
+  if (how == "abort") std::abort();
+  if (how == "overflow") {
+    volatile int none[1] = {0};
+    std::exit(fill_stack(none));
+  }
+  if (how == "terminate") []() noexcept { throw_in_vain(); }();
+  if (how == "thread") std::thread(&throw_in_vain).join();
+  if (how == "exit") std::exit(0);
+  if (how == "_exit") _exit(0);
+  if (how == "quick_exit") std::quick_exit(0);
+  if (how == "killed") std::raise(SIGKILL);
+  if (how == "hang") {
+    std::fprintf(stderr, "hanging in %s\n", method.c_str());
+    for (;;) std::this_thread::sleep_for(std::chrono::hours(1));
+  }
+}
+
+/// Throws in the method that was asked for; of `METHOD:HOW`, does that to its process.
 class Fuse {
  public:
   explicit Fuse(std::string throws_in) : throws_in_(std::move(throws_in)) {}
   void pass(const std::string& method) const {
     if (method == throws_in_) throw std::runtime_error("on fire in " + method);
+    if (throws_in_.starts_with(method + ":"))
+      harm_process(method, throws_in_.substr(method.size() + 1));
   }
 
  private:

@@ -108,8 +108,15 @@ CheckedConfiguration load_configuration(const std::string& name,
   return loaded;
 }
 
+void open_plugins() {
+  Console console;
+  Session session(RunSettings{.threads = 1}, &console);
+  (void)session.host().plugins();
+}
+
 ExitCode check_command(const std::vector<std::string>& configurations,
                        const std::vector<std::string>& overrides) {
+  open_plugins();
   ExitCode code = ExitCode::kSuccess;
   for (const std::string& name : configurations) {
     Console console;

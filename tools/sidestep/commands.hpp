@@ -56,6 +56,10 @@ enum class ExitCode {
   kFault = 4,
   kUndecided = 5,
 };
+/// Opens every library of the search path, before the command does what can be seen: one that ends
+/// the process then is refused (supervise.hpp), and nothing is done twice. Those of a
+/// configuration's own `plugin_paths` come later.
+void open_plugins();
 /// Of an error at run time.
 [[nodiscard]] ExitCode exit_code(const Error& error) noexcept;
 /// Of the mistakes in a configuration; not empty.

@@ -9,6 +9,7 @@
 #include "commands.hpp"
 #include "cover_fit.hpp"
 #include "number_range.hpp"
+#include "supervise.hpp"
 
 namespace sidestep {
 namespace {
@@ -336,10 +337,13 @@ int command(int argc, char** argv) {
 }  // namespace sidestep
 
 int main(int argc, char** argv) {
-  try {
-    return sidestep::command(argc, argv);
-  } catch (const std::exception& exception) {
-    std::fprintf(stderr, "error: a fault in Sidestep: %s\n", exception.what());
-  }
-  return static_cast<int>(sidestep::ExitCode::kFault);
+  const auto command = [](int count, char** words) {
+    try {
+      return sidestep::command(count, words);
+    } catch (const std::exception& exception) {
+      std::fprintf(stderr, "error: a fault in Sidestep: %s\n", exception.what());
+    }
+    return static_cast<int>(sidestep::ExitCode::kFault);
+  };
+  return sidestep::supervise(command, argc, argv);
 }

@@ -387,6 +387,7 @@ ExitCode run_command(const RunOptions& options) {
     return wrong_use("a recording holds the run of one configuration",
                      "--record " + options.record->string(), "run them one by one");
   }
+  open_plugins();
   const StopOnSignal stop;
   std::unique_ptr<LiveView> live;
   if (options.view.view) {

@@ -1,6 +1,10 @@
 #include <sidestep/core/worker_pool.hpp>
 
 #include <algorithm>
+#include <optional>
+#include <string_view>
+
+#include <sidestep/core/plugin_calls.hpp>
 
 #if defined(__SANITIZE_THREAD__)
 #include <atomic>
@@ -88,7 +92,13 @@ void WorkerPool::run(int count, const std::function<void(int)>& task) {
     for (int i = 0; i < count; ++i) task(i);
     return;
   }
-  impl_->run(count, task);
+  const std::string_view plugin = PluginCall::current();
+  if (plugin.empty()) return impl_->run(count, task);
+  impl_->run(count, [&](int i) {
+    std::optional<PluginCall> lent;
+    if (PluginCall::current().empty()) lent.emplace(plugin);
+    task(i);
+  });
 }
 
 void WorkerPool::run_banded(int count, int grain, const std::function<void(int, int)>& band) {

@@ -6,6 +6,7 @@
 #include <thread>
 #include <utility>
 
+#include <sidestep/core/plugin_calls.hpp>
 #include <sidestep/report/result_columns.hpp>
 #include <sidestep/results/text_file.hpp>
 #include <sidestep/runtime/blocks.hpp>
@@ -18,6 +19,19 @@
 
 namespace sidestep {
 namespace {
+
+/// Where the results go, for whoever has to say how the process ended.
+struct OnBoard {
+  explicit OnBoard(const std::filesystem::path& results) {
+    plugin_board().run.set(results.native());
+  }
+  ~OnBoard() {
+    plugin_board().run.set("");
+    plugin_board().frames = 0;
+  }
+  OnBoard(const OnBoard&) = delete;
+  OnBoard& operator=(const OnBoard&) = delete;
+};
 
 /// Names that experiments had before.
 constexpr std::array kFormerNames = {std::pair("replanning", "incremental_benchmark")};
@@ -351,8 +365,11 @@ Result<ExperimentOutcome> run_experiment(ExperimentContext& context) {
   if (!context.resume) done = clear_results(context.out, context.host);
   if (done && !context.resume) done = write_configuration();
   if (!done) return error_of(done);
-  auto outcome = SIDESTEP_TRY(
-      catch_all("experiment " + found->name(), [&] { return found->experiment->run(context); }));
+  const OnBoard on_board(context.out / "results.sqlite");
+  auto outcome = SIDESTEP_TRY(catch_all("experiment " + found->name(), [&] {
+    const PluginCall noted("experiment " + found->name());
+    return found->experiment->run(context);
+  }));
   if (context.resume) done = write_configuration();
   if (!done) return error_of(done);
   if (context.progress) context.progress(0, 0, "drawing the report");

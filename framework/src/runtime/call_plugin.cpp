@@ -12,6 +12,7 @@ namespace {
 /// Calls into a plugin's object; an exception that escapes leaves as PluginThrew.
 template <class Object, class Call>
 std::invoke_result_t<Call> naming(const PluginPtr<Object>& object, Call&& call) {
+  const PluginCall noted(plugin_of(object));
   try {
     return call();
   } catch (...) {

@@ -7,6 +7,7 @@
 #include <sidestep/core/time.hpp>
 #include <sidestep/mapping/frame_check.hpp>
 #include <sidestep/runtime/call_plugin.hpp>
+#include <sidestep/core/plugin_calls.hpp>
 
 namespace sidestep {
 namespace {
@@ -112,6 +113,7 @@ Result<std::optional<MappingStep>> MappingPipeline::step(const Deadline& deadlin
     if (!localised) return error_of(localised);
 
     watch.restart();
+    plugin_board().frames = step.frame_sequence + 1;
     auto update = call_stage(parts_.names.mapper, [&] { return parts_.mapper.integrate(**frame); });
     step.integrate_ms = watch.elapsed_ms();
     if (!update && update.error().code == ErrorCode::kBadFrame) {

@@ -1,22 +1,29 @@
 #include "plugin_library.hpp"
 
+#include <cxxabi.h>
 #include <dlfcn.h>
 
+#include <cstdlib>
 #include <cstring>
 #include <exception>
+#include <memory>
 #include <optional>
+#include <span>
 #include <string>
+#include <string_view>
 #include <utility>
 
 #include <sidestep/plugin/plugin.hpp>
 #include <sidestep/runtime/host.hpp>
+#include <sidestep/core/plugin_calls.hpp>
 
 namespace sidestep {
 namespace {
 
 std::string text_of(const AbiStamp& stamp) {
   return std::string("compiler ABI ") + stamp.compiler_abi + ", libstdc++ cxx11 ABI " +
-         std::to_string(stamp.libstdcxx_cxx11_abi) + ", __cplusplus " +
+         std::to_string(stamp.libstdcxx_cxx11_abi) + ", library options " +
+         std::to_string(stamp.library_options) + ", __cplusplus " +
          std::to_string(stamp.cplusplus) + ", Eigen " + std::to_string(stamp.eigen_version) +
          ", EIGEN_MAX_ALIGN_BYTES " + std::to_string(stamp.eigen_max_align_bytes) +
          ", sanitizers " + stamp.sanitizers;
@@ -29,20 +36,41 @@ AbiStamp terminated(AbiStamp stamp) {
   return stamp;
 }
 
+constexpr const char* kRebuild =
+    "rebuild the plugin against this Sidestep: cmake --build BUILD_FOLDER --clean-first";
+
 struct StampDifference {
   std::string field;
   std::string remedy;
 };
 
+/// g++ and clang++ share the Itanium ABI; its revisions are about what hardly ever occurs, and
+/// distributions mix them.
+bool is_compatible_compiler(const AbiStamp& plugin, const AbiStamp& host) {
+  constexpr std::string_view kItanium = "itanium-";
+  return std::strcmp(plugin.compiler_abi, host.compiler_abi) == 0 ||
+         (std::string_view(plugin.compiler_abi).starts_with(kItanium) &&
+          std::string_view(host.compiler_abi).starts_with(kItanium));
+}
+
 std::optional<StampDifference> difference(const AbiStamp& plugin, const AbiStamp& host) {
-  if (std::strcmp(plugin.compiler_abi, host.compiler_abi) != 0) {
-    return StampDifference{"compiler ABI", "with the compiler that built Sidestep"};
+  if (!is_compatible_compiler(plugin, host)) {
+    return StampDifference{"compiler ABI", "with g++ or clang++"};
   }
   if (plugin.libstdcxx_cxx11_abi != host.libstdcxx_cxx11_abi) {
     return StampDifference{"libstdc++ cxx11 ABI", "without -D_GLIBCXX_USE_CXX11_ABI"};
   }
-  if (plugin.cplusplus != host.cplusplus) {
-    return StampDifference{"__cplusplus", "with the C++ standard of Sidestep (-std=c++20)"};
+  const std::uint32_t options = plugin.library_options ^ host.library_options;
+  for (const auto& [option, macro] : {std::pair(kGlibcxxDebug, "_GLIBCXX_DEBUG"),
+                                      {kEigenRowMajor, "EIGEN_DEFAULT_TO_ROW_MAJOR"},
+                                      {kEigenOtherIndex, "EIGEN_DEFAULT_DENSE_INDEX_TYPE"}}) {
+    if ((options & option) == 0) continue;
+    const bool is_plugins = (plugin.library_options & option) != 0;
+    return StampDifference{macro, std::string(is_plugins ? "without -D" : "with -D") + macro};
+  }
+  // Later standards leave the library's types as they are.
+  if (plugin.cplusplus < 202002 || host.cplusplus < 202002) {
+    return StampDifference{"__cplusplus", "with -std=c++20 or later"};
   }
   if (plugin.eigen_version != host.eigen_version) {
     return StampDifference{"Eigen version", "against the Eigen that Sidestep was built with"};
@@ -67,11 +95,26 @@ std::string mismatch(const std::string& field, T plugin, T host) {
   return field + " is " + std::to_string(plugin) + ", this host's is " + std::to_string(host);
 }
 
+/// On the board while a library is opened: its constructors run, whatever they do.
+struct Opening {
+  explicit Opening(const std::filesystem::path& library) {
+    board.opening.set(library.native());
+    board.opening_since_ns = board_time_ns();
+  }
+  ~Opening() {
+    board.opening_since_ns = 0;
+    board.opening.set("");
+  }
+  Opening(const Opening&) = delete;
+  Opening& operator=(const Opening&) = delete;
+
+  PluginBoard& board = plugin_board();
+  FloatingPointGuard rounding;  ///< One built with -ffast-math would have it changed for all.
+};
+
 Result<void> check_descriptor(const PluginDescriptor& plugin,
                               const std::filesystem::path& library) {
-  const std::string rebuild =
-      "rebuild the plugin against this Sidestep: "
-      "cmake --build BUILD_FOLDER --clean-first";
+  const std::string rebuild = kRebuild;
   if (plugin.magic != kPluginMagic) {
     return refuse(library, mismatch("the descriptor's magic", plugin.magic, kPluginMagic), rebuild);
   }
@@ -149,6 +192,7 @@ std::optional<std::uint32_t> interface_version(PluginKind kind) noexcept {
 }
 
 Result<Schema> read_schema(const PluginDescriptor& plugin, const std::filesystem::path& library) {
+  const Opening opening(library);
   try {
     return plugin.schema();
   } catch (const std::exception& exception) {
@@ -158,11 +202,38 @@ Result<Schema> read_schema(const PluginDescriptor& plugin, const std::filesystem
   }
 }
 
+/// Why dlopen() failed, with a symbol as C++ has it.
+tl::unexpected<Error> refuse_unloaded(const std::filesystem::path& library, std::string reason) {
+  constexpr std::string_view kMissing = "undefined symbol: ";
+  const std::size_t at = reason.find(kMissing);
+  if (at == std::string::npos) return refuse(library, "cannot be loaded: " + reason);
+  const std::string symbol = reason.substr(at + kMissing.size());
+  int status = 0;
+  const std::unique_ptr<char, decltype(&std::free)> plain(
+      abi::__cxa_demangle(symbol.c_str(), nullptr, nullptr, &status), &std::free);
+  const std::string name = plain ? plain.get() : symbol;
+  if (name.find("sidestep::") != std::string::npos) {
+    return refuse(library,
+                  "cannot be loaded: it uses " + name + ", which this Sidestep does not have",
+                  "it was built for another version: " + std::string(kRebuild));
+  }
+  return refuse(library, "cannot be loaded: no library has " + name,
+                "name the library that has it: sidestep_add_plugin(... LINK ...)");
+}
+
 Result<const PluginDescriptor*> open_plugin_library(const std::filesystem::path& library) {
+  const Opening opening(library);
+  for (const PluginBoard::Refusal& refusal :
+       std::span(opening.board.refusals)
+           .first(static_cast<std::size_t>(opening.board.refusal_count))) {
+    if (refusal.library.view() == library.native()) {
+      return refuse(library, std::string(refusal.reason.view()));
+    }
+  }
   void* handle = dlopen(library.c_str(), RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE);
   if (handle == nullptr) {
-    const char* reason = dlerror();
-    return refuse(library, std::string("cannot be loaded: ") + (reason ? reason : "unknown"));
+    const char* const reason = dlerror();
+    return refuse_unloaded(library, reason != nullptr ? reason : "unknown");
   }
   void* symbol = dlsym(handle, kPluginSymbol);
   if (symbol == nullptr) {

@@ -26,12 +26,19 @@ inline constexpr std::uint32_t kPredictorInterface = 1;
 inline constexpr std::uint32_t kGazeInterface = 1;
 inline constexpr std::uint32_t kLocaliserInterface = 1;
 
+/// Macros of the standard library and of Eigen that change what objects look like.
+enum LibraryOption : std::uint32_t {
+  kGlibcxxDebug = 1,     ///< _GLIBCXX_DEBUG
+  kEigenRowMajor = 2,    ///< EIGEN_DEFAULT_TO_ROW_MAJOR
+  kEigenOtherIndex = 4,  ///< EIGEN_DEFAULT_DENSE_INDEX_TYPE that is not std::ptrdiff_t
+};
+
 /// How a binary was built, as far as it decides whether C++ objects may cross between it and
 /// the host. Plain data with fixed layout. Filled in by abi_stamp() in the including binary.
 struct AbiStamp {
   char compiler_abi[32];              ///< E.g. "itanium-1017".
   std::uint32_t libstdcxx_cxx11_abi;  ///< _GLIBCXX_USE_CXX11_ABI
-  std::uint32_t reserved;
+  std::uint32_t library_options;      ///< Of LibraryOption, with which objects look otherwise.
   std::int64_t cplusplus;               ///< __cplusplus
   std::uint32_t eigen_version;          ///< world * 10000 + major * 100 + minor
   std::uint32_t eigen_max_align_bytes;  ///< EIGEN_MAX_ALIGN_BYTES

@@ -1,7 +1,9 @@
 #pragma once
 
+#include <cstddef>
 #include <cstring>
 #include <memory>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -118,6 +120,13 @@ inline constexpr const char* kSanitizer = "none";
   std::strcat(stamp.compiler_abi, digits);
 #endif
   stamp.libstdcxx_cxx11_abi = _GLIBCXX_USE_CXX11_ABI;
+#if defined(_GLIBCXX_DEBUG)
+  stamp.library_options |= kGlibcxxDebug;
+#endif
+#if defined(EIGEN_DEFAULT_TO_ROW_MAJOR)
+  stamp.library_options |= kEigenRowMajor;
+#endif
+  if (!std::is_same_v<Eigen::Index, std::ptrdiff_t>) stamp.library_options |= kEigenOtherIndex;
   stamp.cplusplus = __cplusplus;
   stamp.eigen_version =
       EIGEN_WORLD_VERSION * 10000 + EIGEN_MAJOR_VERSION * 100 + EIGEN_MINOR_VERSION;

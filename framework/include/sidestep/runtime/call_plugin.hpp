@@ -7,6 +7,7 @@
 #include <utility>
 
 #include <sidestep/core/error.hpp>
+#include <sidestep/core/plugin_calls.hpp>
 
 namespace sidestep {
 
@@ -38,6 +39,7 @@ class PluginThrew final : public std::runtime_error {
 /// `call` returns a Result.
 template <class Call>
 [[nodiscard]] auto call_plugin(std::string_view plugin, Call&& call) -> std::invoke_result_t<Call> {
+  const PluginCall noted(plugin);
   try {
     return call();
   } catch (...) {

@@ -53,7 +53,10 @@ struct PluginDeleter {
   void (*destroy)(void*) = nullptr;
   std::string plugin;  ///< Kind and name, e.g. "mapper voxel_grid".
 
-  void operator()(void* object) const { destroy(object); }
+  void operator()(void* object) const {
+    const PluginCall noted(plugin);
+    destroy(object);
+  }
 };
 template <class Interface>
 using PluginPtr = std::unique_ptr<Interface, PluginDeleter>;

@@ -1,0 +1,84 @@
+#!/usr/bin/env bash
+# Libraries that end the process that opens them, or never come back: each is refused, with the reason, and the
+# command goes on without it, alone and with all others in one search path.
+#
+#   check_harm.sh SIDESTEP LIBRARIES CONFIGURATION WORK
+set -euo pipefail
+sidestep=$1 libraries=$2 configuration=$3 work=$4
+mkdir -p "$work"
+failed=0
+
+# refused FOLDER TEXT: what `plugins` says of the library, and that an unrelated configuration is still right.
+refused() {
+  local code=0
+  SIDESTEP_PLUGIN_PATH=$libraries/$1 "$sidestep" plugins edt >"$work/out" 2>"$work/err" || code=$?
+  if [ "$code" -ne 0 ] || ! grep -qF "$libraries/$1/plugin.so: $2" "$work/err" || ! grep -q max_distance_m "$work/out"; then
+    echo "$1: exit code $code, expected 0 and '$2' in:"
+    cat "$work/err"
+    failed=1
+  fi
+  if ! SIDESTEP_PLUGIN_PATH=$libraries/$1 "$sidestep" check "$configuration" >"$work/out" 2>"$work/err"; then
+    echo "$1: check fails"
+    cat "$work/err"
+    failed=1
+  fi
+}
+
+crashed="crashed (Segmentation fault) as it was opened"
+gave_up="aborted (abort() or an uncaught exception) as it was opened"
+exited="ended the process with exit code"
+refused construct_harm_segv "$crashed"
+refused construct_harm_abort "$gave_up"
+refused construct_harm_exit "$exited 0 as it was opened"
+refused construct_harm_quick_exit "$exited 0 as it was opened"
+refused construct_harm_throw "$gave_up"
+refused construct_harm_kill "killed by SIGKILL (out of memory?) as it was opened"
+refused construct_harm_hang "takes more than 20 s to be opened"
+for stage in descriptor schema; do
+  refused "${stage}_harm_segv" "$crashed"
+  refused "${stage}_harm_abort" "$gave_up"
+  refused "${stage}_harm_exit" "$exited 0 as it was opened"
+done
+refused address_sanitizer "$exited 1 as it was opened"
+refused thread_sanitizer "cannot be loaded: "
+
+# All of them at once, the hanging one aside, which takes 20 s.
+SIDESTEP_PLUGIN_PATH=$(find "$libraries" -mindepth 1 -maxdepth 1 -type d ! -name '*hang' -printf '%p:')
+export SIDESTEP_PLUGIN_PATH
+if ! "$sidestep" check "$configuration" >"$work/out" 2>"$work/err"; then
+  echo "with all of them check fails:"
+  cat "$work/err"
+  failed=1
+fi
+
+# used STAGE HARM CODE TEXT: a run whose mapper does harm there.
+used() {
+  local code=0
+  SIDESTEP_PLUGIN_PATH=$libraries/$1_harm_$2 "$sidestep" run "$configuration" --set mapper.plugin=broken \
+    --set mapper.size_m=1 --out "$work/run" >"$work/out" 2>"$work/err" || code=$?
+  if [ "$code" -ne "$3" ] || ! grep -qF "$4" "$work/err"; then
+    echo "$1 $2: exit code $code, expected $3 and '$4' in:"
+    cat "$work/err"
+    failed=1
+  fi
+}
+for stage in check create; do
+  used $stage segv 3 "plugin mapper broken: crashed (Segmentation fault)"
+  used $stage abort 3 "plugin mapper broken: aborted"
+  used $stage exit 3 "plugin mapper broken: $exited 0"
+done
+# What libraries do after the command has ended does not count, and nothing of its output is lost.
+unset SIDESTEP_PLUGIN_PATH
+"$sidestep" plugins 2>/dev/null >"$work/expected"
+for harm in segv abort exit; do
+  code=0
+  SIDESTEP_PLUGIN_PATH=$libraries/destruct_harm_$harm "$sidestep" plugins 2>"$work/err" >"$work/out" || code=$?
+  if [ "$code" -ne 0 ] || ! diff <(grep -v ' broken ' "$work/out") "$work/expected"; then
+    echo "destruct $harm: exit code $code"
+    cat "$work/err"
+    failed=1
+  fi
+done
+# Whoever ignores the ends of children is told of this one's.
+(trap '' CHLD && exec timeout 60 "$sidestep" --version) >/dev/null || { echo "SIGCHLD ignored: exit code $?"; failed=1; }
+exit $failed
