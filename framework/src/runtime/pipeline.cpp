@@ -4,10 +4,10 @@
 #include <cmath>
 
 #include <sidestep/core/index.hpp>
+#include <sidestep/core/plugin_calls.hpp>
 #include <sidestep/core/time.hpp>
 #include <sidestep/mapping/frame_check.hpp>
 #include <sidestep/runtime/call_plugin.hpp>
-#include <sidestep/core/plugin_calls.hpp>
 
 namespace sidestep {
 namespace {

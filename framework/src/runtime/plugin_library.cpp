@@ -13,9 +13,9 @@
 #include <string_view>
 #include <utility>
 
+#include <sidestep/core/plugin_calls.hpp>
 #include <sidestep/plugin/plugin.hpp>
 #include <sidestep/runtime/host.hpp>
-#include <sidestep/core/plugin_calls.hpp>
 
 namespace sidestep {
 namespace {

@@ -7,8 +7,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <sidestep/runtime/call_plugin.hpp>
 #include <sidestep/core/plugin_calls.hpp>
+#include <sidestep/runtime/call_plugin.hpp>
 
 namespace sidestep {
 namespace {

@@ -36,9 +36,9 @@ enum LibraryOption : std::uint32_t {
 /// How a binary was built, as far as it decides whether C++ objects may cross between it and
 /// the host. Plain data with fixed layout. Filled in by abi_stamp() in the including binary.
 struct AbiStamp {
-  char compiler_abi[32];              ///< E.g. "itanium-1017".
-  std::uint32_t libstdcxx_cxx11_abi;  ///< _GLIBCXX_USE_CXX11_ABI
-  std::uint32_t library_options;      ///< Of LibraryOption, with which objects look otherwise.
+  char compiler_abi[32];                ///< E.g. "itanium-1017".
+  std::uint32_t libstdcxx_cxx11_abi;    ///< _GLIBCXX_USE_CXX11_ABI
+  std::uint32_t library_options;        ///< Of LibraryOption, with which objects look otherwise.
   std::int64_t cplusplus;               ///< __cplusplus
   std::uint32_t eigen_version;          ///< world * 10000 + major * 100 + minor
   std::uint32_t eigen_max_align_bytes;  ///< EIGEN_MAX_ALIGN_BYTES
