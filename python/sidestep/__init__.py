@@ -9,9 +9,11 @@ from ._core import (
     Check,
     DistanceField,
     Error,
+    Event,
     Frame,
     Grid,
     Joint,
+    Loop,
     Map,
     Plan,
     Planner,
@@ -48,4 +50,21 @@ class Optimiser:
 
     def solve(self, problem, initial, deadline_s):
         """A Trajectory from problem.start to problem.goal, or None; within deadline_s seconds."""
+        raise NotImplementedError
+
+
+class Executor:
+    """A robot, real or simulated, for Session.loop(). Times are those of Loop.step()."""
+
+    def current(self):
+        """The newest measured state: positions and velocities, one for each joint, and its time in s."""
+        raise NotImplementedError
+
+    def follow(self, trajectory, start_s):
+        """From now on the robot follows a trajectory whose time 0 is at start_s, in place of what it
+        follows, at once where that has passed."""
+        raise NotImplementedError
+
+    def stop(self):
+        """Brings the robot to rest."""
         raise NotImplementedError

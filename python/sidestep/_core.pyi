@@ -4,7 +4,7 @@ from typing import Any, Iterator, Mapping, Optional, Sequence, Union
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import Cost, Optimiser
+from . import Cost, Executor, Optimiser
 
 Path = Union[str, PathLike[str]]
 Block = Union[str, Mapping[str, Any]]
@@ -36,6 +36,18 @@ class Session:
         planning: Optional[Mapping[str, Any]] = None,
         check: Optional[Mapping[str, Any]] = None,
     ) -> Planner: ...
+
+    def loop(
+        self,
+        robot: Robot,
+        executor: Executor,
+        optimiser: Union[Block, Optimiser],
+        goal: Configuration,
+        sampler: Optional[Block] = None,
+        planning: Optional[Mapping[str, Any]] = None,
+        replanner: Optional[Mapping[str, Any]] = None,
+        wall_clock: bool = False,
+    ) -> Loop: ...
 
 class Joint:
     @property
@@ -286,3 +298,25 @@ def certify(
     unknown: str = "occupied",
 ) -> Certification: ...
 def read_problem_set(path: Path, robot: Robot) -> list[SetProblem]: ...
+
+class Event:
+    @property
+    def kind(self) -> str: ...
+    @property
+    def reason(self) -> str: ...
+    @property
+    def stamp_s(self) -> float: ...
+    @property
+    def cause(self) -> str: ...
+    @property
+    def guess(self) -> str: ...
+    @property
+    def tried(self) -> list[str]: ...
+    @property
+    def solve_ms(self) -> float: ...
+
+class Loop:
+    def step(self, now_s: float, field: Optional[DistanceField] = None) -> list[Event]: ...
+    def stop(self, now_s: float, cause: str) -> list[Event]: ...
+    @property
+    def status(self) -> str: ...

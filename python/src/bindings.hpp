@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <mutex>
 #include <string>
 #include <utility>
 
@@ -16,6 +17,7 @@
 #include <sidestep/robot/robot_model.hpp>
 #include <sidestep/runtime/call_plugin.hpp>
 #include <sidestep/runtime/entry_reading.hpp>
+#include <sidestep/runtime/planning_settings.hpp>
 #include <sidestep/runtime/session.hpp>
 
 /// What the parts of the Python module share. Interfaces of the SDK are bound as they are; what
@@ -105,11 +107,62 @@ template <class Interface, class... Kept>
   return std::shared_ptr<Interface>(holder, holder->object.get());
 }
 
+/// How many methods of Python's this thread is in.
+inline thread_local int python_depth = 0;
+
+/// A method of a Python object's, called with Python's lock. An interrupt goes on to whoever called
+/// into the module, too.
+template <class... Arguments>
+py::object called(const py::object& self, const char* method, Arguments&&... arguments) {
+  struct Depth {
+    Depth() { ++python_depth; }
+    ~Depth() { --python_depth; }
+  } const within;
+  try {
+    return self.attr(method)(std::forward<Arguments>(arguments)...);
+  } catch (const py::error_already_set& error) {
+    if (error.matches(PyExc_KeyboardInterrupt)) PyErr_SetInterrupt();
+    throw;
+  }
+}
+
+/// An object of a Python class, as the host hands out a plugin's, and named after its class.
+template <class Interface, class Adapter>
+[[nodiscard]] PluginPtr<Interface> made_of(const py::object& self, const char* kind) {
+  const std::string name = py::str(py::type::of(self).attr("__name__"));
+  return {new Adapter(self),
+          {[](void* object) { delete static_cast<Interface*>(object); },
+           std::string(kind) + " " + name}};
+}
+
+/// Has one thread at a time in what calls Python. To be entered without Python's lock.
+class Alone {
+ public:
+  /// Fails within a method of Python's where somebody is in already, since he may wait for that.
+  [[nodiscard]] Result<std::unique_lock<std::mutex>> enter(const char* refusal) {
+    std::unique_lock lock(mutex_, std::try_to_lock);
+    if (!lock.owns_lock() && python_depth > 0) return fail(ErrorCode::kInvalidArgument, refusal);
+    if (!lock.owns_lock()) lock.lock();
+    return lock;
+  }
+
+ private:
+  std::mutex mutex_;
+};
+
 using SessionPtr = std::shared_ptr<Session>;
 using RobotPtr = std::shared_ptr<const RobotModel>;
+
+/// A block, or an object of a Python class; null of None.
+[[nodiscard]] PluginPtr<Optimiser> make_optimiser(const SessionPtr& session, const RobotPtr& robot,
+                                                  const py::object& value, const char* key);
+/// Settings for a robot: where nothing else is said, it stands on the floor, what nobody has seen
+/// is occupied, and what is outside of the map is as what is unknown.
+[[nodiscard]] PlanningSettings planning_of(const py::object& value, const RobotModel& robot);
 
 void bind_robots(py::module_& module, py::class_<Session, SessionPtr>& session);
 void bind_maps(py::module_& module, py::class_<Session, SessionPtr>& session);
 void bind_planning(py::module_& module, py::class_<Session, SessionPtr>& session);
+void bind_loops(py::module_& module, py::class_<Session, SessionPtr>& session);
 
 }  // namespace sidestep::python

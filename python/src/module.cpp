@@ -178,6 +178,7 @@ PYBIND11_MODULE(_core, module) {
   bind_robots(module, session);
   bind_maps(module, session);
   bind_planning(module, session);
+  bind_loops(module, session);
 }
 
 }  // namespace sidestep::python

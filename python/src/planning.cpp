@@ -20,25 +20,6 @@ namespace {
 
 using FieldPtr = std::shared_ptr<DistanceField>;
 
-/// How many methods of Python this thread is in.
-thread_local int python_depth = 0;
-
-/// A method of a Python object's, called with Python's lock. An interrupt goes on to whoever called
-/// the planner, too.
-template <class... Arguments>
-py::object called(const py::object& self, const char* method, Arguments&&... arguments) {
-  struct Depth {
-    Depth() { ++python_depth; }
-    ~Depth() { --python_depth; }
-  } const within;
-  try {
-    return self.attr(method)(std::forward<Arguments>(arguments)...);
-  } catch (const py::error_already_set& error) {
-    if (error.matches(PyExc_KeyboardInterrupt)) PyErr_SetInterrupt();
-    throw;
-  }
-}
-
 /// E.g. "3 x 1 x 7".
 std::string text_of(const std::vector<py::ssize_t>& shape) {
   std::string text;
@@ -145,16 +126,8 @@ class PythonOptimiser final : public Optimiser {
   py::object self_;
 };
 
-/// An object of a Python class, as the host hands out a plugin's, and named after its class.
-template <class Interface, class Adapter>
-PluginPtr<Interface> made_of(const py::object& self, const char* kind) {
-  const std::string name = py::str(py::type::of(self).attr("__name__"));
-  return {new Adapter(self),
-          {[](void* object) { delete static_cast<Interface*>(object); },
-           std::string(kind) + " " + name}};
-}
+}  // namespace
 
-/// What a lane's optimiser is made of: a block, or an object of a Python class.
 PluginPtr<Optimiser> make_optimiser(const SessionPtr& session, const RobotPtr& robot,
                                     const py::object& value, const char* key) {
   if (value.is_none()) return nullptr;
@@ -165,61 +138,6 @@ PluginPtr<Optimiser> make_optimiser(const SessionPtr& session, const RobotPtr& r
   return unlocked(key, [&] { return session->host().create<Optimiser>(node, robot); });
 }
 
-/// A planner and what it was made by.
-struct Planner {
-  Planner(SessionPtr its, RobotPtr moved, MotionPlanner plans)
-      : session(std::move(its)), robot(std::move(moved)), planner(std::move(plans)) {}
-
-  SessionPtr session;
-  RobotPtr robot;
-  MotionPlanner planner;
-  std::mutex mutex = {};  ///< To be locked without Python's lock, which costs may wait for.
-
-  RaceResult plan(const FieldPtr& field, const py::object& start, const py::object& goal,
-                  double deadline_s, std::uint64_t seed, const std::vector<py::object>& costs) {
-    MotionQuery query = query_of(field, start, goal, costs);
-    query.seed = seed;
-    return unlocked("planning", [&]() -> Result<RaceResult> {
-      const auto lock = SIDESTEP_TRY(own());
-      return planner.plan(query, Deadline::after_s(deadline_s));
-    });
-  }
-  Problem pose(const FieldPtr& field, const py::object& start, const py::object& goal,
-               const std::vector<py::object>& costs) {
-    const MotionQuery query = query_of(field, start, goal, costs);
-    return unlocked("planning", [&]() -> Result<Problem> {
-      const auto lock = SIDESTEP_TRY(own());
-      Problem problem = planner.pose(query);
-      SIDESTEP_TRY(problem.validate());
-      return problem;
-    });
-  }
-  /// The planner, for this thread alone. Fails within a cost or an optimiser in Python where it is
-  /// not free, since it may be waiting for that.
-  Result<std::unique_lock<std::mutex>> own() {
-    std::unique_lock lock(mutex, std::try_to_lock);
-    if (!lock.owns_lock() && python_depth > 0) {
-      return fail(ErrorCode::kInvalidArgument,
-                  "a planner cannot be asked by a cost or an optimiser while it is planning");
-    }
-    if (!lock.owns_lock()) lock.lock();
-    return lock;
-  }
-  MotionQuery query_of(const FieldPtr& field, const py::object& start, const py::object& goal,
-                       const std::vector<py::object>& costs) const {
-    const RobotDescription& about = robot->description();
-    MotionQuery query{field, configuration_of(start, about, "start"),
-                      configuration_of(goal, about, "goal")};
-    for (const py::object& cost : costs) {
-      query.terms.push_back({guard_cost(made_of<StateCost, PythonCost>(cost, "cost")),
-                             Placement::kSupportAndInterpolated});
-    }
-    return query;
-  }
-};
-
-/// Settings for a robot: where nothing else is said, it stands on the floor, what nobody has seen
-/// is occupied, and what is outside of the map is as what is unknown.
 PlanningSettings planning_of(const py::object& value, const RobotModel& robot) {
   py::dict block;
   if (py::isinstance<py::dict>(value)) {
@@ -233,6 +151,53 @@ PlanningSettings planning_of(const py::object& value, const RobotModel& robot) {
   stand_on_floor(settings, robot);
   return settings;
 }
+
+namespace {
+
+constexpr const char* kAsked =
+    "a planner cannot be asked by a cost or an optimiser while it is planning";
+
+/// A planner and what it was made by.
+struct Planner {
+  Planner(SessionPtr its, RobotPtr moved, MotionPlanner plans)
+      : session(std::move(its)), robot(std::move(moved)), planner(std::move(plans)) {}
+
+  SessionPtr session;
+  RobotPtr robot;
+  MotionPlanner planner;
+  Alone alone = {};
+
+  RaceResult plan(const FieldPtr& field, const py::object& start, const py::object& goal,
+                  double deadline_s, std::uint64_t seed, const std::vector<py::object>& costs) {
+    MotionQuery query = query_of(field, start, goal, costs);
+    query.seed = seed;
+    return unlocked("planning", [&]() -> Result<RaceResult> {
+      const auto lock = SIDESTEP_TRY(alone.enter(kAsked));
+      return planner.plan(query, Deadline::after_s(deadline_s));
+    });
+  }
+  Problem pose(const FieldPtr& field, const py::object& start, const py::object& goal,
+               const std::vector<py::object>& costs) {
+    const MotionQuery query = query_of(field, start, goal, costs);
+    return unlocked("planning", [&]() -> Result<Problem> {
+      const auto lock = SIDESTEP_TRY(alone.enter(kAsked));
+      Problem problem = planner.pose(query);
+      SIDESTEP_TRY(problem.validate());
+      return problem;
+    });
+  }
+  MotionQuery query_of(const FieldPtr& field, const py::object& start, const py::object& goal,
+                       const std::vector<py::object>& costs) const {
+    const RobotDescription& about = robot->description();
+    MotionQuery query{field, configuration_of(start, about, "start"),
+                      configuration_of(goal, about, "goal")};
+    for (const py::object& cost : costs) {
+      query.terms.push_back({guard_cost(made_of<StateCost, PythonCost>(cost, "cost")),
+                             Placement::kSupportAndInterpolated});
+    }
+    return query;
+  }
+};
 
 std::shared_ptr<Planner> make_planner(const SessionPtr& session, const RobotPtr& robot,
                                       const py::object& optimiser, const py::object& sampler,
