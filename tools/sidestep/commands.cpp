@@ -109,8 +109,7 @@ CheckedConfiguration load_configuration(const std::string& name,
 }
 
 void open_plugins() {
-  Console console;
-  Session session(RunSettings{.threads = 1}, &console);
+  Session session(RunSettings{.threads = 1});
   (void)session.host().plugins();
 }
 

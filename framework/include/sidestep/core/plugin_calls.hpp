@@ -70,7 +70,7 @@ struct PluginBoard {
 /// any thread and any plugin; null where there is no memory. [main]
 [[nodiscard]] PluginBoard* share_plugin_board() noexcept;
 
-/// Nanoseconds of the clock of PluginBoard.
+/// Nanoseconds of the clock of PluginBoard, in steps of some milliseconds.
 [[nodiscard]] std::int64_t board_time_ns() noexcept;
 
 /// Rounding, denormals and traps of this thread, as they were when it ends. [any]
@@ -82,7 +82,12 @@ class FloatingPointGuard {
   FloatingPointGuard& operator=(const FloatingPointGuard&) = delete;
 
  private:
+#if defined(__x86_64__)
+  std::uint32_t mxcsr_;
+  std::uint16_t x87_;
+#else
   std::fenv_t before_;
+#endif
 };
 
 /// A call into a plugin, on the board while it lasts. What it does to the processor's rounding ends
