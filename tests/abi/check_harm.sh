@@ -39,9 +39,29 @@ for stage in descriptor schema; do
   refused "${stage}_harm_segv" "$crashed"
   refused "${stage}_harm_abort" "$gave_up"
   refused "${stage}_harm_exit" "$exited 0 as it was opened"
+  refused "${stage}_harm_quick_exit" "$exited 0 as it was opened"
+  refused "${stage}_harm_kill" "killed by SIGKILL (out of memory?) as it was opened"
 done
 refused address_sanitizer "$exited 1 as it was opened"
 refused thread_sanitizer "cannot be loaded: "
+
+# Files that are cut off, and files some bytes of which are not what they were: whatever they do to the loader.
+rm -rf "$work/forged"
+forge() { mkdir -p "$work/forged/$1" && cat >"$work/forged/$1/plugin.so"; }
+good=$libraries/create_silent/plugin.so
+for size in 1 16 63 64 65 200 500 1000 2000 4095 4096 4097 8192 12288 16384 20480 30000; do
+  head -c "$size" "$good" | forge "cut_$size"
+done
+for at in 4 5 16 18 20 24 32 40 48 54 56 58 60 64 72 80 96 104 120 200 300 400 500 700 900; do
+  { head -c "$at" "$good"; printf '\377\177\377'; tail -c +$((at + 4)) "$good"; } | forge "changed_at_$at"
+done
+for folder in "$work"/forged/*; do
+  if ! SIDESTEP_PLUGIN_PATH=$folder "$sidestep" plugins edt >"$work/out" 2>"$work/err" || ! grep -q max_distance_m "$work/out"; then
+    echo "$folder:"
+    cat "$work/err"
+    failed=1
+  fi
+done
 
 # All of them at once, the hanging one aside, which takes 20 s.
 SIDESTEP_PLUGIN_PATH=$(find "$libraries" -mindepth 1 -maxdepth 1 -type d ! -name '*hang' -printf '%p:')
@@ -67,11 +87,13 @@ for stage in check create; do
   used $stage segv 3 "plugin mapper broken: crashed (Segmentation fault)"
   used $stage abort 3 "plugin mapper broken: aborted"
   used $stage exit 3 "plugin mapper broken: $exited 0"
+  used $stage quick_exit 3 "plugin mapper broken: $exited 0"
+  used $stage kill 3 "plugin mapper broken: killed by SIGKILL"
 done
 # What libraries do after the command has ended does not count, and nothing of its output is lost.
 unset SIDESTEP_PLUGIN_PATH
 "$sidestep" plugins 2>/dev/null >"$work/expected"
-for harm in segv abort exit; do
+for harm in segv abort exit quick_exit kill; do
   code=0
   SIDESTEP_PLUGIN_PATH=$libraries/destruct_harm_$harm "$sidestep" plugins 2>"$work/err" >"$work/out" || code=$?
   if [ "$code" -ne 0 ] || ! diff <(grep -v ' broken ' "$work/out") "$work/expected"; then
