@@ -142,7 +142,7 @@ Eigen::VectorXd configuration_of(const py::object& value, const RobotDescription
 }
 
 Doubles doubles_of(const py::handle& value, const char* what) {
-  const auto array = Doubles::ensure(value);
+  auto array = Doubles::ensure(value);
   if (!array) throw py::type_error(std::string(what) + " has to be numbers");
   return array;
 }

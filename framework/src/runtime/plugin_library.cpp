@@ -203,7 +203,8 @@ Result<Schema> read_schema(const PluginDescriptor& plugin, const std::filesystem
 }
 
 /// Why dlopen() failed, with a symbol as C++ has it.
-tl::unexpected<Error> refuse_unloaded(const std::filesystem::path& library, std::string reason) {
+tl::unexpected<Error> refuse_unloaded(const std::filesystem::path& library,
+                                      const std::string& reason) {
   constexpr std::string_view kMissing = "undefined symbol: ";
   const std::size_t at = reason.find(kMissing);
   if (at == std::string::npos) return refuse(library, "cannot be loaded: " + reason);
