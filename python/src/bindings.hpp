@@ -107,6 +107,23 @@ template <class Interface, class... Kept>
   return std::shared_ptr<Interface>(holder, holder->object.get());
 }
 
+/// An object of Python's, let go of with Python's lock, whoever does so.
+class Held {
+ public:
+  explicit Held(py::object object) : object_(std::move(object)) {}
+  ~Held() {
+    const py::gil_scoped_acquire lock;
+    object_.release().dec_ref();
+  }
+  Held(const Held&) = delete;
+  Held& operator=(const Held&) = delete;
+
+  [[nodiscard]] const py::object& get() const noexcept { return object_; }
+
+ private:
+  py::object object_;
+};
+
 /// How many methods of Python's this thread is in.
 inline thread_local int python_depth = 0;
 

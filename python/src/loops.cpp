@@ -16,16 +16,10 @@ namespace {
 class PythonExecutor final : public Executor {
  public:
   explicit PythonExecutor(py::object self) : self_(std::move(self)) {}
-  ~PythonExecutor() override {
-    const py::gil_scoped_acquire lock;
-    self_.release().dec_ref();
-  }
-  PythonExecutor(const PythonExecutor&) = delete;
-  PythonExecutor& operator=(const PythonExecutor&) = delete;
 
   Result<Measured> current() override {
     const py::gil_scoped_acquire lock;
-    const py::object state = called(self_, "current");
+    const py::object state = called(self_.get(), "current");
     if (!py::isinstance<py::tuple>(state) || py::len(state) != 3) {
       throw py::type_error("current() has to return positions, velocities and a time");
     }
@@ -35,12 +29,12 @@ class PythonExecutor final : public Executor {
   }
   Result<void> follow(const Trajectory& trajectory, Stamp start) override {
     const py::gil_scoped_acquire lock;
-    called(self_, "follow", trajectory, start.seconds());
+    called(self_.get(), "follow", trajectory, start.seconds());
     return {};
   }
   Result<void> stop() override {
     const py::gil_scoped_acquire lock;
-    called(self_, "stop");
+    called(self_.get(), "stop");
     return {};
   }
 
@@ -51,7 +45,7 @@ class PythonExecutor final : public Executor {
     return Eigen::Map<const Eigen::VectorXd>(array.data(), array.shape(0));
   }
 
-  py::object self_;
+  Held self_;
 };
 
 /// Says nothing: what happens is in the events.

@@ -32,17 +32,11 @@ class PythonCost final : public StateCost {
  public:
   explicit PythonCost(py::object self)
       : self_(std::move(self)),
-        name_(py::str(self_.attr("name"))),
-        residuals_(self_.attr("residual_count").cast<int>()),
-        depends_on_velocity_(self_.attr("depends_on_velocity").cast<bool>()) {
+        name_(py::str(self_.get().attr("name"))),
+        residuals_(self_.get().attr("residual_count").cast<int>()),
+        depends_on_velocity_(self_.get().attr("depends_on_velocity").cast<bool>()) {
     if (residuals_ < 1) throw py::value_error("residual_count has to be 1 or more");
   }
-  ~PythonCost() override {
-    const py::gil_scoped_acquire lock;
-    self_.release().dec_ref();
-  }
-  PythonCost(const PythonCost&) = delete;
-  PythonCost& operator=(const PythonCost&) = delete;
 
   [[nodiscard]] std::string_view name() const noexcept override { return name_; }
   [[nodiscard]] int residual_count() const noexcept override { return residuals_; }
@@ -54,7 +48,7 @@ class PythonCost final : public StateCost {
     const auto copied = [](std::span<const double> values, std::vector<py::ssize_t> shape) {
       return py::array_t<double>(std::move(shape), values.data());
     };
-    const py::object result = called(self_, "evaluate", copied(states.q, {n, d}),
+    const py::object result = called(self_.get(), "evaluate", copied(states.q, {n, d}),
                                      copied(states.qdot, {n, d}), copied(states.times_s, {n}));
     if (!py::isinstance<py::tuple>(result)) throw py::type_error("it does not return a tuple");
     const auto items = py::reinterpret_borrow<py::tuple>(result);
@@ -82,7 +76,7 @@ class PythonCost final : public StateCost {
     std::copy_n(array.data(), into.size(), into.data());
   }
 
-  py::object self_;
+  Held self_;
   std::string name_;
   int residuals_;
   bool depends_on_velocity_;
@@ -92,18 +86,12 @@ class PythonCost final : public StateCost {
 class PythonOptimiser final : public Optimiser {
  public:
   explicit PythonOptimiser(py::object self) : self_(std::move(self)) {}
-  ~PythonOptimiser() override {
-    const py::gil_scoped_acquire lock;
-    self_.release().dec_ref();
-  }
-  PythonOptimiser(const PythonOptimiser&) = delete;
-  PythonOptimiser& operator=(const PythonOptimiser&) = delete;
 
   Result<Solution> solve(const Problem& problem, const Trajectory& initial,
                          const Deadline& deadline) override {
     const py::gil_scoped_acquire lock;
     const Stopwatch watch;
-    const py::object found = called(self_, "solve", problem, initial, deadline.remaining_s());
+    const py::object found = called(self_.get(), "solve", problem, initial, deadline.remaining_s());
     Solution solution;
     solution.solve_ms = watch.elapsed_ms();
     if (py::isinstance<Trajectory>(found)) {
@@ -123,7 +111,7 @@ class PythonOptimiser final : public Optimiser {
   }
 
  private:
-  py::object self_;
+  Held self_;
 };
 
 }  // namespace
