@@ -5,6 +5,7 @@
 #include <sidestep/field/scene_field.hpp>
 #include <sidestep/geometry/load_scene.hpp>
 #include <sidestep/mapping/field_builder.hpp>
+#include <sidestep/mapping/map_check.hpp>
 #include <sidestep/mapping/mapper.hpp>
 #include <sidestep/mapping/occupancy_view.hpp>
 #include <sidestep/runtime/install_layout.hpp>
@@ -94,17 +95,22 @@ struct Frames {
 /// A mapper and the field that is made of it.
 struct Map {
   Map(SessionPtr its, PluginPtr<Mapper> maps, PluginPtr<FieldBuilder> builds)
-      : session(std::move(its)), mapper(std::move(maps)), builder(std::move(builds)) {}
+      : session(std::move(its)),
+        mapper(std::move(maps)),
+        builder(std::move(builds)),
+        map_check(*mapper) {}
 
   SessionPtr session;
   PluginPtr<Mapper> mapper;
   PluginPtr<FieldBuilder> builder;
+  MapCheck map_check;
   std::mutex mutex = {};
 
   Result<std::shared_ptr<const DistanceField>> integrate(const Frame& frame) {
     const std::scoped_lock lock(mutex);
     const MapUpdate update =
         SIDESTEP_TRY(call_stage(plugin_of(mapper), [&] { return mapper->integrate(frame); }));
+    SIDESTEP_TRY(call_stage(plugin_of(mapper), [&] { return map_check.check(frame, update); }));
     return call_stage(plugin_of(builder), [&]() -> Result<std::shared_ptr<const DistanceField>> {
       if (update.grid_moved) SIDESTEP_TRY(builder->attach(*mapper));
       return builder->update(update);

@@ -121,6 +121,11 @@ Result<std::optional<MappingStep>> MappingPipeline::step(const Deadline& deadlin
       continue;
     }
     if (!update) return error_of(update);
+    if (auto kept = map_check_.check(**frame, *update); !kept) {
+      kept.error().where =
+          "plugin " + parts_.names.mapper + ", frame " + std::to_string(step.frame_sequence);
+      return error_of(kept);
+    }
     step.update = std::move(*update);
     if (parts_.waits_for_content && !has_content()) {
       skip({ErrorCode::kBadFrame,

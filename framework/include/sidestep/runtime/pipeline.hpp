@@ -12,6 +12,7 @@
 #include <sidestep/core/log.hpp>
 #include <sidestep/mapping/field_builder.hpp>
 #include <sidestep/mapping/localiser.hpp>
+#include <sidestep/mapping/map_check.hpp>
 #include <sidestep/mapping/mapper.hpp>
 #include <sidestep/mapping/tracker.hpp>
 #include <sidestep/robot/base_joints.hpp>
@@ -76,7 +77,9 @@ class MappingPipeline {
     std::optional<BaseJoints> base = {};
   };
   explicit MappingPipeline(Parts parts)
-      : parts_(std::move(parts)), occupancy_(dynamic_cast<const OccupancyView*>(&parts_.mapper)) {}
+      : parts_(std::move(parts)),
+        occupancy_(dynamic_cast<const OccupancyView*>(&parts_.mapper)),
+        map_check_(parts_.mapper) {}
 
   /// Binds the field builder to the mapper. Call once, first.
   [[nodiscard]] Result<void> attach();
@@ -103,6 +106,7 @@ class MappingPipeline {
 
   Parts parts_;
   const OccupancyView* occupancy_;  ///< Of the mapper; null where it has none.
+  MapCheck map_check_;
   MotionMemory memory_;
   std::shared_ptr<const DistanceField> newest_;  ///< Kept for the localiser.
   bool is_lost_ = false;                         ///< The localiser, at the last frame.
