@@ -115,7 +115,7 @@ class FieldConformance : public testing::TestWithParam<FieldCase> {
 
   WorkerPool workers_{2};
   std::unique_ptr<GridMap> map_;
-  std::unique_ptr<FieldBuilder> builder_;
+  std::shared_ptr<FieldBuilder> builder_;
 };
 
 TEST_P(FieldConformance, EqualsBruteForceWhileObstaclesComeAndGo) {

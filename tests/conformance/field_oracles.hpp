@@ -20,7 +20,7 @@ namespace sidestep::conformance {
 struct FieldCase {
   std::string name;
   /// A new builder that works with these threads. `workers` outlives it.
-  std::function<std::unique_ptr<FieldBuilder>(WorkerPool& workers)> create;
+  std::function<std::shared_ptr<FieldBuilder>(WorkerPool& workers)> create;
   /// A map of the kind that the field reads.
   std::function<std::unique_ptr<GridMap>(const GridSpec& grid)> create_map =
       [](const GridSpec& grid) { return std::make_unique<GridMap>(grid); };

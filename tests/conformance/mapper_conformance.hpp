@@ -30,7 +30,7 @@ namespace sidestep::conformance {
 struct MapperCase {
   std::string name;
   /// A new mapper that works with these threads. `workers` outlives it.
-  std::function<std::unique_ptr<Mapper>(WorkerPool& workers)> create;
+  std::function<std::shared_ptr<Mapper>(WorkerPool& workers)> create;
   /// Whether point clouds are integrated; depth images always are.
   bool takes_clouds = true;
 };
@@ -105,7 +105,7 @@ class WallScene {
 
 class MapperConformance : public testing::TestWithParam<MapperCase> {
  protected:
-  [[nodiscard]] std::unique_ptr<Mapper> create() { return GetParam().create(workers_); }
+  [[nodiscard]] std::shared_ptr<Mapper> create() { return GetParam().create(workers_); }
 
   /// Null, and a visible skip by the caller, where the mapper offers no dense occupancy.
   [[nodiscard]] static const OccupancyView* view_of(const Mapper& mapper) {

@@ -28,7 +28,7 @@ namespace sidestep::conformance {
 
 struct OptimiserCase {
   std::string name;
-  std::function<std::unique_ptr<Optimiser>()> make;
+  std::function<std::shared_ptr<Optimiser>()> make;
   /// False for sampling planners: they may ignore the initial trajectory and the cost terms.
   bool minimises_cost = true;
   /// False where libraries keep random state of their own in the process.
@@ -175,7 +175,7 @@ class BrokenCost final : public StateCost {
 
 class OptimiserConformance : public testing::TestWithParam<OptimiserCase> {
  protected:
-  std::unique_ptr<Optimiser> optimiser_ = GetParam().make();
+  std::shared_ptr<Optimiser> optimiser_ = GetParam().make();
 
   void expect_invalid(const Problem& problem, const Trajectory& initial) {
     const auto solution = optimiser_->solve(problem, initial, Deadline());

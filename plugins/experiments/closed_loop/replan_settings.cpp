@@ -141,10 +141,19 @@ Node source_block(Node block, const Node& people, bool is_alone) {
 }
 
 /// The executor's block, which says where the robot stands if it is an executor that can be told.
-Node executor_block(const Node& block, const ReplanWorld& world, Host& host) {
-  const auto info = host.find(PluginKind::kExecutor, block);
+/// In lockstep no robot is a real one, which would know.
+Node executor_block(const Node& block, const ReplanWorld& world, bool is_lockstep,
+                    ExperimentContext& context) {
+  const auto info = context.host.find(PluginKind::kExecutor, block);
   if (!info || block.find("start") != nullptr) return block;
-  if (!has_parameter(info->schema, "start")) return block;
+  if (!has_parameter(info->schema, "start")) {
+    if (is_lockstep) {
+      context.log.warn("executor " + info->name +
+                       " has no parameter 'start' (planning/executor.hpp): its robot begins where "
+                       "it is, not at experiment.start");
+    }
+    return block;
+  }
   const SourceMark mark{"the start of the episode", 0, 0};
   Node::Map start;
   const RobotDescription& robot = world.robot->description();
@@ -322,7 +331,9 @@ Result<ReplanWorld> make_replan_world(ExperimentContext& context,
   if (!block("sampler").is_null()) SIDESTEP_TRY(make(block("sampler"), world.sampler));
   if (!block("predictor").is_null()) SIDESTEP_TRY(make(block("predictor"), world.predictor));
   if (!block("gaze").is_null()) SIDESTEP_TRY(make(block("gaze"), world.gaze));
-  SIDESTEP_TRY(make(executor_block(block("executor"), world, context.host), world.executor));
+  SIDESTEP_TRY(
+      make(executor_block(block("executor"), world, settings.experiment.is_lockstep(), context),
+           world.executor));
   world.true_robot = dynamic_cast<TrueRobot*>(world.executor.get());
   if (!block("localiser").is_null()) {
     SIDESTEP_TRY(make(block("localiser"), world.localiser));

@@ -208,6 +208,11 @@ Result<void> match_in_order(const Options& options, const std::vector<StampedPos
                 "with source.match: stamp, the clouds' names say which poses are theirs");
   }
   for (std::size_t i = 0; i < entries.size(); ++i) {
+    if (i > 0 && poses[i].stamp <= poses[i - 1].stamp) {
+      return fail(ErrorCode::kConfig,
+                  "pose " + std::to_string(i) + " is not later than the one before",
+                  options.poses->string(), "poses are in the order of the clouds, and of time");
+    }
     entries[i].stamp = poses[i].stamp;
     entries[i].T_world_sensor = poses[i].T_world_sensor;
   }

@@ -9,7 +9,9 @@
 namespace sidestep {
 
 /// Moves a robot, real or simulated. Reports what it measures and what it follows to the
-/// RobotMotion that its HostContext lends it.
+/// RobotMotion that its HostContext lends it. A parameter `start` of an executor, a Node, is given
+/// a map of joint names to positions (m, rad) by experiments that say where the robot stands at
+/// first; without it they begin where its robot is, and warn of that where time is simulated.
 class SIDESTEP_EXPORT Executor {
  public:
   virtual ~Executor() = default;

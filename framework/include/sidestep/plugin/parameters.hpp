@@ -20,11 +20,11 @@ namespace sidestep {
 
 /// What may be said of a parameter beyond its name, type and doc.
 struct ParameterOptions {
-  std::string unit;
+  std::string unit = {};
   double min = -std::numeric_limits<double>::infinity();
   double max = std::numeric_limits<double>::infinity();
   bool required = false;
-  std::vector<std::string> choices;  ///< For a std::string: one of these.
+  std::vector<std::string> choices = {};  ///< For a std::string: one of these.
   /// For a Node: it is a block `{plugin: NAME, ...}` of this kind. The host checks it and fills in
   /// its defaults, but for the parameters that its owner sets.
   std::optional<PluginKind> plugin = std::nullopt;

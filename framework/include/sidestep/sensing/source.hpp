@@ -16,13 +16,14 @@ class SIDESTEP_EXPORT Source {
  public:
   virtual ~Source();
 
-  /// The next frame; nothing at the end of the stream. Fails with kBadFrame, naming file and
-  /// frame, where one frame is unusable: the caller may go on with the next call. Fails with
-  /// kDeadlineExceeded where no frame came in time, and with any other code for good.
-  /// [mapping]; allocates.
+  /// The next frame, whose number and stamp are above those of the one before; nothing at the end
+  /// of the stream, and from then on. Fails with kBadFrame, naming file and frame, where one frame
+  /// is unusable: the caller may go on with the next call. Fails with kDeadlineExceeded where no
+  /// frame came in time, with kCancelled where the caller's stop was requested, and with any other
+  /// code for good. [mapping]; allocates.
   [[nodiscard]] virtual Result<std::optional<Frame>> next(const Deadline& deadline) = 0;
 
-  /// How many frames there are in all; nothing where it cannot be known.
+  /// How many frames there are in all, unusable ones included; nothing where it cannot be known.
   [[nodiscard]] virtual std::optional<std::int64_t> frame_count() const = 0;
 };
 

@@ -1,8 +1,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "conformance/manual_clock.hpp"
 #include "support/host_fixture.hpp"
-#include "support/manual_clock.hpp"
 
 namespace sidestep {
 namespace {
@@ -15,7 +15,7 @@ TEST(SimulatedPlugin, MovesARobotOfTheHostsOnTheClockThatTheRunLends) {
   auto made_robot = fixture.host.create<RobotModel>(HostFixture::block("{plugin: point}"));
   ASSERT_TRUE(made_robot) << made_robot.error().describe();
   const std::shared_ptr<const RobotModel> robot = std::move(*made_robot);
-  testing_support::ManualClock clock;
+  conformance::ManualClock clock;
   clock.set_s(2.0);
   const auto motion = std::make_shared<RobotMotion>();
   auto executor =

@@ -12,9 +12,9 @@
 
 #include "conformance/gaze_conformance.hpp"
 #include "conformance/localiser_conformance.hpp"
+#include "conformance/manual_clock.hpp"
 #include "conformance/test_host.hpp"
 #include "support/chain_robot.hpp"
-#include "support/manual_clock.hpp"
 
 namespace sidestep::simulated {
 namespace {
@@ -67,7 +67,7 @@ class SimulatedExecutorTest : public ::testing::Test {
   }
 
   std::shared_ptr<testing_support::ChainRobot> robot_;
-  testing_support::ManualClock clock_;
+  conformance::ManualClock clock_;
   std::shared_ptr<RobotMotion> motion_;
   std::unique_ptr<conformance::TestHost> host_;
   Options options_;
@@ -331,7 +331,7 @@ class SimulatedHead : public ::testing::Test {
     return std::move(*made);
   }
   Options options_;
-  testing_support::ManualClock clock_;
+  conformance::ManualClock clock_;
   std::shared_ptr<RobotMotion> motion_ = std::make_shared<RobotMotion>(100.0);
   std::unique_ptr<conformance::TestHost> host_;
 };

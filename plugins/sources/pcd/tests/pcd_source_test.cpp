@@ -104,6 +104,11 @@ TEST_F(PcdSource, TakesPosesInOrder) {
 
   folder_.write("poses.txt", "5 0 0 1 0 0 0 1\n");
   EXPECT_THAT(complaint(), HasSubstr("there are 1 poses for 3 point clouds"));
+  for (const char* second : {"5", "4.9"}) {
+    folder_.write("poses.txt",
+                  "5 0 0 1 0 0 0 1\n" + std::string(second) + " 0 0 1 0 0 0 1\n6 0 0 1 0 0 0 1\n");
+    EXPECT_THAT(complaint(), HasSubstr("poses.txt: pose 1 is not later than the one before"));
+  }
 }
 
 TEST_F(PcdSource, TakesTheNearestPoseWithinReach) {

@@ -6,12 +6,12 @@
 #include <gtest/gtest.h>
 
 #include "bag_writing.hpp"
-#include "support/manual_clock.hpp"
+#include "conformance/manual_clock.hpp"
 
 namespace sidestep::rosbag::testing {
 namespace {
 
-using testing_support::ManualClock;
+using conformance::ManualClock;
 
 Stamp s(double seconds) { return Stamp::from_seconds(seconds); }
 

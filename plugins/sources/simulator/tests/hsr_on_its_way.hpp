@@ -8,9 +8,9 @@
 
 #include <sidestep/trajectory/robot_motion.hpp>
 
+#include "conformance/manual_clock.hpp"
 #include "simulator_testing.hpp"
 #include "support/hsr.hpp"
-#include "support/manual_clock.hpp"
 
 namespace sidestep::simulator::testing {
 
@@ -70,7 +70,7 @@ class HsrOnItsWay {
 
   [[nodiscard]] const std::shared_ptr<const RobotModel>& robot() const { return robot_; }
   [[nodiscard]] RobotMotion& motion() { return *motion_; }
-  [[nodiscard]] testing_support::ManualClock& clock() { return clock_; }
+  [[nodiscard]] conformance::ManualClock& clock() { return clock_; }
   [[nodiscard]] HostContext context() { return host_->context(1); }
 
   /// An image of 160 x 120 pixels, with the field of view of the HSR's camera.
@@ -86,7 +86,7 @@ class HsrOnItsWay {
 
  private:
   std::shared_ptr<const RobotModel> robot_;
-  testing_support::ManualClock clock_;
+  conformance::ManualClock clock_;
   std::shared_ptr<RobotMotion> motion_ = std::make_shared<RobotMotion>(100.0);
   std::unique_ptr<conformance::TestHost> host_;
 };
