@@ -4,7 +4,7 @@
 #
 #   tools/install_deps.sh          what building, testing and running need
 #   tools/install_deps.sh --dev    also clang-format, clang-tidy, ROS 1 for the plugins that speak it, what
-#                                  the Python module needs and what some tests hold results against
+#                                  the Python module needs, Slurm, and what some tests hold results against
 set -euo pipefail
 
 packages=(
@@ -40,6 +40,7 @@ if [ "${1:-}" = "--dev" ]; then
   # with which tests read recordings
   packages+=(python3-rosbag python3-std-msgs python3-sensor-msgs python3-tf2-msgs)
   packages+=(python3-visualization-msgs python3-trajectory-msgs python3-yaml)
+  packages+=(slurm-wlm)  # with which a test has a cluster do a sweep
   # the Python module, and what sidestep.results needs
   packages+=(python3-dev pybind11-dev python3-numpy python3-pandas python3-matplotlib)
 elif [ $# -gt 0 ]; then

@@ -157,6 +157,34 @@ enum class PluginsFormat { kText, kJson, kMarkdown, kResults, kJsonSchema };
 [[nodiscard]] ExitCode plugins_command(const std::optional<std::string>& name,
                                        PluginsFormat format);
 
+struct SweepOptions {
+  std::filesystem::path file;
+  std::optional<std::filesystem::path> out;  ///< out/NAME of the file by default.
+  int jobs = 1;                              ///< Runs at once.
+  std::optional<int> task;                   ///< This one run alone, from 1.
+  bool slurm = false;                        ///< A task of Slurm a run.
+  std::vector<std::string> slurm_options;    ///< For sbatch.
+};
+/// Runs one configuration with all the values of a sweep (sweep.hpp), as far as they are not done,
+/// and shows what they come to, side by side.
+[[nodiscard]] ExitCode sweep_command(const SweepOptions& options);
+
+struct NewPluginOptions {
+  std::string kind;
+  std::string name;
+  std::optional<std::filesystem::path> out;  ///< A new folder; named like the plugin by default.
+};
+/// Writes a plugin to begin with, which builds and passes its tests: that kind's example, renamed.
+[[nodiscard]] ExitCode new_plugin_command(const NewPluginOptions& options);
+
+struct ValidateOptions {
+  std::filesystem::path library;
+  std::optional<std::filesystem::path> case_file;  ///< Its block, and what it promises.
+  double timeout_s = 120.0;                        ///< Of one test.
+};
+/// Holds a built plugin to the suite of its kind, in other processes.
+[[nodiscard]] ExitCode validate_command(const ValidateOptions& options);
+
 /// Rebuilds the reports of finished runs, and compares several, or merges them into `merged` where
 /// they are shards of one.
 [[nodiscard]] ExitCode report_command(const std::vector<std::filesystem::path>& runs,

@@ -32,6 +32,9 @@ struct CommandLine {
   std::filesystem::path recording;
   RobotOptions robot;
   CertifyOptions certify;
+  SweepOptions sweep;
+  NewPluginOptions new_plugin;
+  ValidateOptions validate;
 };
 
 void add_configurations(CLI::App& command, CommandLine& line) {
@@ -251,6 +254,32 @@ void add_run(CLI::App& app, CommandLine& line) {
       ->excludes("--jobs");
 }
 
+void add_sweep(CLI::App& app, SweepOptions& sweep) {
+  CLI::App* command =
+      app.add_subcommand("sweep", "Run a configuration with all the values of a sweep");
+  command->add_option("FILE", sweep.file, "The sweep (docs/reference/command.md)")->required();
+  command
+      ->add_option("--out", sweep.out,
+                   "Folder for the runs (default: out/NAME); what is done there is not done again")
+      ->type_name("DIR");
+  command->add_option("--jobs", sweep.jobs, "Runs at once, each in a process of its own")
+      ->type_name("N")
+      ->check(CLI::Range(1, 1024));
+  command->add_option("--task", sweep.task, "Do this one run alone, counted from 1")
+      ->type_name("I")
+      ->check(CLI::Range(1, 1000000))
+      ->excludes("--jobs");
+  CLI::Option* const slurm =
+      command->add_flag("--slurm", sweep.slurm, "Have Slurm do them, as one job array")
+          ->excludes("--jobs", "--task");
+  command
+      ->add_option("--slurm-option", sweep.slurm_options,
+                   "For sbatch, e.g. --slurm-option=--partition=long; may be repeated")
+      ->type_name("OPTION")
+      ->allow_extra_args(false)
+      ->needs(slurm);
+}
+
 void add_commands(CLI::App& app, CommandLine& line) {
   app.set_version_flag("--version", [] {
     const RunProvenance build = current_provenance();
@@ -259,6 +288,7 @@ void add_commands(CLI::App& app, CommandLine& line) {
   app.require_subcommand(0, 1);
 
   add_run(app, line);
+  add_sweep(app, line.sweep);
 
   CLI::App* view = app.add_subcommand("view", "Show a recorded run in a browser");
   view->add_option("FILE", line.recording, "What `sidestep run --record` wrote")->required();
@@ -279,6 +309,22 @@ void add_commands(CLI::App& app, CommandLine& line) {
       ->excludes("--json", "--markdown");
   plugins->add_flag("--results", line.results, "Print the reference page of results")
       ->excludes("--json", "--markdown", "--schema");
+
+  CLI::App* new_plugin = app.add_subcommand(
+      "new", "Write a plugin of your own to begin with: sources, test, CMakeLists.txt");
+  new_plugin->add_option("KIND", line.new_plugin.kind, "Kind of plugin, e.g. mapper")->required();
+  new_plugin->add_option("NAME", line.new_plugin.name, "Its name, e.g. my_mapper")->required();
+  new_plugin->add_option("--out", line.new_plugin.out, "New folder for it (default: NAME)")
+      ->type_name("DIR");
+
+  CLI::App* validate =
+      app.add_subcommand("validate", "Hold a built plugin to the suite of its kind");
+  validate->add_option("LIBRARY", line.validate.library, "The plugin's shared library")->required();
+  validate->add_option("CASE", line.validate.case_file,
+                       "Its block, and what it promises (docs/tutorials/write_a_plugin.md)");
+  validate->add_option("--timeout_s", line.validate.timeout_s, "For each test")
+      ->check(number_range(0.1, 86400.0))
+      ->capture_default_str();
 
   CLI::App* report = app.add_subcommand(
       "report", "Rebuild the reports of runs from their results; compare several; merge shards");
@@ -315,6 +361,9 @@ ExitCode dispatch(const CLI::App& app, CommandLine& line) {
     return robot_command(line.robot);
   }
   if (app.got_subcommand("certify")) return certify_command(line.certify);
+  if (app.got_subcommand("sweep")) return sweep_command(line.sweep);
+  if (app.got_subcommand("new")) return new_plugin_command(line.new_plugin);
+  if (app.got_subcommand("validate")) return validate_command(line.validate);
   if (app.got_subcommand("view")) return view_command(line.recording, line.run.view);
   std::printf("%s", app.help().c_str());
   return ExitCode::kSuccess;

@@ -1,18 +1,8 @@
-#include <fcntl.h>
-#include <poll.h>
-#include <sys/prctl.h>
-#include <sys/wait.h>
-#include <unistd.h>
-
 #include <algorithm>
-#include <array>
 #include <charconv>
 #include <chrono>
-#include <csignal>
 #include <cstdio>
 #include <ctime>
-#include <deque>
-#include <functional>
 #include <memory>
 #include <optional>
 #include <set>
@@ -25,115 +15,12 @@
 #include <sidestep/runtime/run_observer.hpp>
 
 #include "commands.hpp"
+#include "jobs.hpp"
 #include "run_recorder.hpp"
 #include "view_feed.hpp"
 
 namespace sidestep {
 namespace {
-
-/// A `sidestep` of its own, by its arguments.
-struct Job {
-  std::string label;  ///< Before each line that it writes.
-  std::vector<std::string> arguments;
-};
-
-constexpr int kPollInterval_ms = 100;  // how soon a stop is passed on
-
-/// A process of this program.
-class Process {
- public:
-  explicit Process(const Job& job) : label_(job.label) {
-    std::array<int, 2> ends{-1, -1};
-    if (pipe2(ends.data(), O_CLOEXEC) != 0) return;
-    std::vector<std::string> words = {"sidestep"};
-    words.insert(words.end(), job.arguments.begin(), job.arguments.end());
-    std::vector<char*> argv;
-    for (std::string& word : words) argv.push_back(word.data());
-    argv.push_back(nullptr);
-    id_ = fork();
-    if (id_ == 0) become(argv.data(), ends[1]);
-    close(ends[1]);
-    error_pipe_ = ends[0];
-  }
-  ~Process() {
-    if (error_pipe_ >= 0) close(error_pipe_);
-  }
-  Process(const Process&) = delete;
-  Process& operator=(const Process&) = delete;
-
-  [[nodiscard]] pollfd watched() const { return {error_pipe_, POLLIN, 0}; }
-  [[nodiscard]] bool is_open() const { return error_pipe_ >= 0; }
-  void send(int signal) const {
-    if (id_ > 0) kill(id_, signal);
-  }
-
-  /// Hands over the lines that are there, blocking until there is something; at the end, closes.
-  void read_lines(const std::function<void(const std::string&)>& line) {
-    std::array<char, 4096> buffer{};
-    const ssize_t count = read(error_pipe_, buffer.data(), buffer.size());
-    if (count > 0) {
-      text_.append(buffer.data(), static_cast<std::size_t>(count));
-    } else {
-      if (!text_.empty()) text_ += '\n';
-      close(std::exchange(error_pipe_, -1));
-    }
-    for (std::size_t end = 0; (end = text_.find('\n')) != std::string::npos;) {
-      line(label_ + " " + text_.substr(0, end));
-      text_.erase(0, end + 1);
-    }
-  }
-
-  /// Waits for its end.
-  [[nodiscard]] int exit_code() const {
-    int status = 0;
-    if (id_ <= 0 || waitpid(id_, &status, 0) != id_) return -1;
-    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-  }
-
- private:
-  /// In the new process: in a group of its own, so that Ctrl-C is ours to pass on.
-  [[noreturn]] static void become(char* const* argv, int error) {
-    setpgid(0, 0);
-    prctl(PR_SET_PDEATHSIG, SIGTERM);
-    const int nothing = open("/dev/null", O_RDWR | O_CLOEXEC);
-    dup2(nothing, STDIN_FILENO);
-    dup2(nothing, STDOUT_FILENO);
-    dup2(error, STDERR_FILENO);
-    execv("/proc/self/exe", argv);
-    _exit(127);
-  }
-
-  std::string label_;
-  std::string text_;  ///< Of a line that is not complete.
-  pid_t id_ = -1;
-  int error_pipe_ = -1;
-};
-
-/// Runs all jobs at once, each in a process of its own, and hands over their lines of stderr; what
-/// they write to stdout is lost. A stop that is requested is passed on to all of them, once; none
-/// outlives this process. Returns their exit codes, -1 where a signal ended one or it could not
-/// begin. [main]
-std::vector<int> run_jobs(const std::vector<Job>& jobs, const std::stop_token& stop,
-                          const std::function<void(const std::string&)>& line) {
-  std::deque<Process> processes;  // which are not moved
-  for (const Job& job : jobs) processes.emplace_back(job);
-  bool told_to_stop = false;
-  while (std::ranges::any_of(processes, &Process::is_open)) {
-    if (stop.stop_requested() && !told_to_stop) {
-      for (const Process& process : processes) process.send(SIGTERM);
-      told_to_stop = true;
-    }
-    std::vector<pollfd> watched;  // a closed one is -1, which poll passes over
-    for (const Process& process : processes) watched.push_back(process.watched());
-    if (poll(watched.data(), watched.size(), kPollInterval_ms) <= 0) continue;
-    for (std::size_t i = 0; i < processes.size(); ++i) {
-      if (watched[i].revents != 0) processes[i].read_lines(line);
-    }
-  }
-  std::vector<int> codes;
-  for (const Process& process : processes) codes.push_back(process.exit_code());
-  return codes;
-}
 
 /// Who looks on at one run, told one after the other: a recorder, and the viewer's feed.
 class Observers final : public RunObserver {
@@ -352,12 +239,12 @@ RunResult run_in_jobs(const std::string& name, const RunOptions& options, std::s
   if (auto opened = console.open_file(*folder / "run.log", options.resume.has_value()); !opened) {
     return refused(opened.error(), console);
   }
-  const std::vector<int> codes = run_jobs(jobs_of(name, options, *folder), stop,
-                                          [&](const std::string& line) { console.info(line); });
+  const std::vector<JobEnd> ends = run_jobs(jobs_of(name, options, *folder), options.jobs, stop,
+                                            [&](const std::string& line) { console.info(line); });
   ExitCode code = ExitCode::kSuccess;
   std::vector<fs::path> parts;
-  for (const int one : codes) {
-    code = worse(code, one < 0 ? ExitCode::kFault : static_cast<ExitCode>(one));
+  for (const JobEnd& end : ends) {
+    code = worse(code, end.code ? static_cast<ExitCode>(*end.code) : ExitCode::kFault);
     parts.push_back(shard_folder(*folder, static_cast<int>(parts.size())));
   }
   if (code != ExitCode::kSuccess && code != ExitCode::kTaskFailed) return {code, ""};

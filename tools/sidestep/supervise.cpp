@@ -21,6 +21,7 @@
 #include <sidestep/plugin/plugin.hpp>
 
 #include "commands.hpp"
+#include "process_end.hpp"
 
 namespace sidestep {
 namespace {
@@ -74,21 +75,10 @@ bool is_fault(int signal) {
   return std::ranges::find(kFaults, signal) != std::end(kFaults);
 }
 
-/// How a process ended that did not end by itself.
-std::string manner_of(int status) {
-  if (WIFEXITED(status)) {
-    return "ended the process with exit code " + std::to_string(WEXITSTATUS(status));
-  }
-  const int signal = WTERMSIG(status);
-  if (signal == SIGKILL) return "killed by SIGKILL (out of memory?)";
-  if (signal == SIGABRT) return "aborted (abort() or an uncaught exception)";
-  return std::string("crashed (") + strsignal(signal) + ")";
-}
-
 /// The error that the end of such a process is: a plugin's, where the thread that ended it is known
 /// to have been in one, or nothing is known of it.
 Error error_of_end(const PluginBoard& board, int status) {
-  Error error{ErrorCode::kInternal, manner_of(status), "Sidestep", {}, nullptr};
+  Error error{ErrorCode::kInternal, manner_of_end(status), "Sidestep", {}, nullptr};
   const std::int64_t now_ns = board_time_ns();
   const int faulty = board.faulty;
   const std::string own =
@@ -236,7 +226,7 @@ int supervise(int (*command)(int, char**), int argc, char** argv) {
     refusal.library.set(board->opening.view());
     refusal.reason.set(supervisor.hung_opening()
                            ? "takes more than 20 s to be opened (SIDESTEP_SUPERVISE=0 waits)"
-                           : manner_of(status) + " as it was opened");
+                           : manner_of_end(status) + " as it was opened");
     ++board->refusal_count;
     board->forget_calls();
   }

@@ -71,17 +71,18 @@ Columns compared_columns(const RunReport& report) {
 }
 
 /// What a run adds to a comparison.
-void add_rows(const RunReport& report, const std::string& run, const Json& summary,
-              std::vector<Row>& rows) {
+void add_rows(const RunReport& report, const std::string& name, std::size_t run,
+              const Json& summary, ComparedRuns& compared) {
   const Json items = report.compared_rows != nullptr ? report.compared_rows(summary)
                                                      : report.columns->rows_of(summary);
   for (const Json& item : items) {
     Json shown = summary;
     shown.update(item);
     Row row = cells_of(shown, compared_columns(report));
-    row.insert(row.begin(), {run, cell(at(summary, "/configuration"))});
+    row.insert(row.begin(), {name, cell(at(summary, "/configuration"))});
     row.push_back(cell(at(summary, "/provenance/git_hash")));
-    rows.push_back(std::move(row));
+    compared.rows.push_back(std::move(row));
+    compared.runs.push_back(run);
   }
 }
 
@@ -118,30 +119,38 @@ Result<void> save_outcome(const ExperimentOutcome& outcome, const fs::path& run,
   return saved ? write_report(run, host) : saved;
 }
 
-Result<std::string> compare_runs(const std::vector<fs::path>& runs, const fs::path& html,
-                                 Host& host) {
+Result<std::vector<ComparedRuns>> compared_rows(const std::vector<fs::path>& runs, Host& host) {
   const auto experiments = SIDESTEP_TRY(find_experiments(host));
   std::vector<Json> summaries;
   for (const fs::path& run : runs) {
     summaries.push_back(SIDESTEP_TRY(read_summary(run)));
   }
-  std::string text, body;
+  std::vector<ComparedRuns> all;
   for (const FoundExperiment& found : experiments) {
     const RunReport& report = found.experiment->report();
     if (report.columns == nullptr) continue;
-    std::vector<Row> rows;
+    ComparedRuns compared;
     for (std::size_t r = 0; r < runs.size(); ++r) {
       if (at(summaries[r], "/experiment") != Json(found.name())) continue;
-      add_rows(report, run_name(runs[r]), summaries[r], rows);
+      add_rows(report, run_name(runs[r]), r, summaries[r], compared);
     }
-    if (rows.empty()) continue;
-    Row header = names_of(compared_columns(report));
-    header.insert(header.begin(), {"run", "configuration"});
-    header.push_back("commit");
-    TextTable table(header);
-    for (const Row& row : rows) table.add(row);
+    if (compared.rows.empty()) continue;
+    compared.header = names_of(compared_columns(report));
+    compared.header.insert(compared.header.begin(), {"run", "configuration"});
+    compared.header.push_back("commit");
+    all.push_back(std::move(compared));
+  }
+  return all;
+}
+
+Result<std::string> compare_runs(const std::vector<fs::path>& runs, const fs::path& html,
+                                 Host& host) {
+  std::string text, body;
+  for (const ComparedRuns& compared : SIDESTEP_TRY(compared_rows(runs, host))) {
+    TextTable table(compared.header);
+    for (const Row& row : compared.rows) table.add(row);
     text += (text.empty() ? "" : "\n") + table.text();
-    body += html_table(header, rows);
+    body += html_table(compared.header, compared.rows);
   }
   if (!html.empty()) {
     const std::string page = html_page("Sidestep: comparison", "<h1>Runs compared</h1>\n" + body);

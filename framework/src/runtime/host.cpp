@@ -23,6 +23,11 @@ std::vector<std::filesystem::path> split_path_list(const char* list) {
   return paths;
 }
 
+bool is_library(const std::filesystem::path& path) {
+  std::error_code error;
+  return path.extension() == ".so" && !std::filesystem::is_directory(path, error);
+}
+
 Node default_node(const Parameter& parameter) {
   const SourceMark mark{"default", 0, 0};
   const bool is_optional = parameter.default_text == "null";
@@ -92,7 +97,14 @@ struct Host::Impl {
 
   void scan() {
     if (std::exchange(scanned, true)) return;
-    for (const auto& folder : settings.plugin_paths) scan_folder(folder);
+    for (const auto& path : settings.plugin_paths) {
+      if (is_library(path)) {
+        searched.push_back(path.string());
+        add_library(path);
+      } else {
+        scan_folder(path);
+      }
+    }
     std::ranges::sort(found, {}, [](const Found& f) {
       return std::pair(static_cast<std::uint32_t>(f.info.kind), f.info.name);
     });
@@ -103,7 +115,7 @@ struct Host::Impl {
     std::error_code error;
     std::set<std::filesystem::path> libraries;
     for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
-      if (entry.path().extension() == ".so") libraries.insert(entry.path());
+      if (is_library(entry.path())) libraries.insert(entry.path());
     }
     searched.push_back(folder.string() +
                        (error ? ": " + error.message()

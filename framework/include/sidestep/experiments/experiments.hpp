@@ -47,6 +47,16 @@ namespace sidestep {
 [[nodiscard]] Result<void> save_outcome(const ExperimentOutcome& outcome,
                                         const std::filesystem::path& run, Host& host);
 
+/// Runs of one type of experiment, side by side.
+struct ComparedRuns {
+  std::vector<std::string> header;  ///< "run", "configuration", what is compared, "commit".
+  std::vector<std::vector<std::string>> rows;
+  std::vector<std::size_t> runs;  ///< Which run each row is of.
+};
+/// What compare_runs() shows, a table a type. Fails as write_report() does.
+[[nodiscard]] Result<std::vector<ComparedRuns>> compared_rows(
+    const std::vector<std::filesystem::path>& runs, Host& host);
+
 /// A table that compares several runs, for a terminal; and the same as a self-contained page in
 /// `html`, which may be empty for none. Fails as write_report() does.
 [[nodiscard]] Result<std::string> compare_runs(const std::vector<std::filesystem::path>& runs,
