@@ -126,7 +126,7 @@ function(sidestep_add_command name)
   set_target_properties(${name} PROPERTIES INSTALL_RPATH "$ORIGIN/../${CMAKE_INSTALL_LIBDIR}")
   sidestep_warnings(${name})
   sidestep_optimise_little(${name})
-  install(TARGETS ${name} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+  install(TARGETS ${name} EXPORT SidestepTargets RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
   add_dependencies(sidestep_product ${name})
 endfunction()
 

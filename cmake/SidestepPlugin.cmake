@@ -2,7 +2,7 @@
 #
 # A Sidestep plugin: the shared library lib<kind>_<name>.so, whose one exported symbol is
 # sidestep_plugin(). KIND is source, mapper, field, robot, optimiser, executor, cost, predictor, gaze, localiser
-# or experiment (LINK Sidestep::runtime). In a build of Sidestep itself it lands beside the others; elsewhere, in the
+# or experiment, which links Sidestep::runtime, too. In a build of Sidestep itself it lands beside the others; elsewhere, in the
 # current binary folder. Installed with Sidestep, for third parties too.
 function(sidestep_add_plugin name)
   cmake_parse_arguments(ARG "" "KIND" "SOURCES;LINK" ${ARGN})
@@ -19,6 +19,9 @@ function(sidestep_add_plugin name)
     CXX_VISIBILITY_PRESET hidden
     VISIBILITY_INLINES_HIDDEN ON)
   target_link_libraries(${target} PRIVATE Sidestep::sdk ${ARG_LINK})
+  if(ARG_KIND STREQUAL experiment)
+    target_link_libraries(${target} PRIVATE Sidestep::runtime)
+  endif()
   if(NOT SIDESTEP_SANITIZE)
     target_link_options(${target} PRIVATE LINKER:--no-undefined
       LINKER:--version-script,${CMAKE_CURRENT_FUNCTION_LIST_DIR}/plugin_exports.map)
@@ -32,5 +35,27 @@ function(sidestep_add_plugin name)
       LIBRARY_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/lib/sidestep/plugins
       INSTALL_RPATH "$ORIGIN/../..")
     install(TARGETS ${target} LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/sidestep/plugins)
+  endif()
+endfunction()
+
+# sidestep_add_plugin_tests(NAME KIND kind [SOURCES ...] [CASE file])
+#
+# Of a plugin that sidestep_add_plugin() made: the test <kind>_<NAME>.conformance holds it to the suite of its kind as the
+# file describes it (`sidestep validate`), and the sources, on GoogleTest, are a program with the plugin's own objects.
+function(sidestep_add_plugin_tests name)
+  cmake_parse_arguments(ARG "" "KIND;CASE" "SOURCES" ${ARGN})
+  set(target ${ARG_KIND}_${name})
+  if(ARG_CASE)
+    get_filename_component(ARG_CASE ${ARG_CASE} ABSOLUTE)
+  endif()
+  add_test(NAME ${target}.conformance
+    COMMAND Sidestep::sidestep validate $<TARGET_FILE:${target}> ${ARG_CASE})
+  if(ARG_SOURCES)
+    find_package(GTest REQUIRED)
+    include(GoogleTest)
+    add_executable(${target}_test ${ARG_SOURCES} $<TARGET_OBJECTS:${target}>)
+    target_compile_features(${target}_test PRIVATE cxx_std_20)
+    target_link_libraries(${target}_test PRIVATE $<TARGET_PROPERTY:${target},LINK_LIBRARIES> GTest::gtest_main)
+    gtest_discover_tests(${target}_test)
   endif()
 endfunction()

@@ -63,6 +63,21 @@ for folder in "$work"/forged/*; do
   fi
 done
 
+# validated FOLDER CODE TEXT: what a validation of the library ends with.
+validated() {
+  local code=0
+  "$sidestep" validate "$libraries/$1/plugin.so" >"$work/out" 2>"$work/err" || code=$?
+  if [ "$code" -ne "$2" ] || ! grep -qF "$3" "$work/err"; then
+    echo "validation of $1: exit code $code, expected $2 and '$3' in:"
+    cat "$work/out" "$work/err"
+    failed=1
+  fi
+}
+validated construct_harm_segv 3 "$crashed"
+validated schema_harm_exit 3 "$exited 0 as it was opened"
+validated not_elf 3 "cannot be loaded"
+validated march 3 "EIGEN_MAX_ALIGN_BYTES"
+
 # All of them at once, the hanging one aside, which takes 20 s.
 SIDESTEP_PLUGIN_PATH=$(find "$libraries" -mindepth 1 -maxdepth 1 -type d ! -name '*hang' -printf '%p:')
 export SIDESTEP_PLUGIN_PATH

@@ -14,68 +14,97 @@ cmake --install "$build" --prefix "$work/first" >"$work/install.log"
 # Moved: nothing may point back to where it was installed or built.
 mv "$work/first" "$work/moved"
 prefix=$work/moved
+sidestep=$prefix/bin/sidestep
 
-cp -r "$source/plugins/template" "$work/template"
-cmake -S "$work/template" -B "$work/plugin" -DCMAKE_PREFIX_PATH="$prefix" \
-  -DCMAKE_CXX_COMPILER="$cxx" -DCMAKE_BUILD_TYPE=Release >"$work/configure.log"
-cmake --build "$work/plugin" >"$work/build.log" 2>&1 || { cat "$work/build.log"; exit 1; }
-# The third party's own tests: the conformance suite as it is installed, on their plugin.
-ctest --test-dir "$work/plugin" --no-tests=error --output-on-failure >"$work/tests.log" 2>&1 ||
+# A plugin of every kind, as somebody begins who writes one.
+mkdir "$work/new"
+kinds=$(cd "$source/plugins/template" && ls -d */ | tr -d /)
+[ "$(wc -w <<<"$kinds")" -eq 11 ] || { say "not every kind of plugin has an example: $kinds"; exit 1; }
+{
+  echo "cmake_minimum_required(VERSION 3.22)"
+  echo "project(all LANGUAGES CXX)"
+  echo "include(CTest)"
+  for kind in $kinds; do echo "add_subdirectory(my_$kind)"; done
+} >"$work/new/CMakeLists.txt"
+for kind in $kinds; do
+  "$sidestep" new "$kind" "my_$kind" --out "$work/new/my_$kind" >"$work/new.txt"
+  expect "-DCMAKE_PREFIX_PATH=$prefix" "$work/new.txt"
+done
+cmake -S "$work/new" -B "$work/plugin" -DCMAKE_PREFIX_PATH="$prefix" -DCMAKE_CXX_COMPILER="$cxx" \
+  -DCMAKE_BUILD_TYPE=Release -DCMAKE_CXX_FLAGS="-Wall -Wextra -Wpedantic -Wshadow -Wno-missing-field-initializers -Werror" >"$work/configure.log"
+cmake --build "$work/plugin" -j2 >"$work/build.log" 2>&1 || { cat "$work/build.log"; exit 1; }
+ctest --test-dir "$work/plugin" -j2 --no-tests=error --output-on-failure >"$work/tests.log" 2>&1 ||
   { cat "$work/tests.log"; exit 1; }
-expect "FieldConformance" "$work/tests.log"
-expect "KeepSide.Conforms" "$work/tests.log"
-expect "PredictorConformance" "$work/tests.log"
+for kind in $kinds; do expect "${kind}_my_$kind.conformance" "$work/tests.log"; done
+for example in "$source"/plugins/template/*/*.yaml; do
+  stem=$(basename "$example" .yaml)
+  if grep -riE "$stem|${stem//_/}" "$work/new"; then
+    say "the name of an example is left"
+    exit 1
+  fi
+done
+code=0
+"$sidestep" new field my_field --out "$work/new/my_field" 2>"$work/new.txt" || code=$?
+[ "$code" -eq 2 ] || { say "exit code $code where the folder exists"; exit 1; }
+code=0
+"$sidestep" new filed other --out "$work/other" 2>"$work/new.txt" || code=$?
+[ "$code" -eq 2 ] || { say "exit code $code for no kind"; exit 1; }
+expect "did you mean 'field'?" "$work/new.txt"
+code=0
+"$sidestep" new field Other-field --out "$work/other" 2>"$work/new.txt" || code=$?
+[ "$code" -eq 2 ] || { say "exit code $code for no name"; exit 1; }
 
 # A plugin exports its entry and names of types, nothing of what it was linked from.
-if nm -D --defined-only "$work/plugin/libfield_chessboard.so" | grep -vE ' (sidestep_plugin|_ZT[IS].*)$'; then
+if nm -D --defined-only "$work/plugin/my_field/libfield_my_field.so" | grep -vE ' (sidestep_plugin|_ZT[IS].*)$'; then
   say "the plugin exports more than its entry"
   exit 1
 fi
 
-sidestep=$prefix/bin/sidestep
+path=$(for kind in $kinds; do printf '%s:' "$work/plugin/my_$kind"; done)
 env -u LD_LIBRARY_PATH "$sidestep" plugins >"$work/plugins.txt"
 expect "voxel_grid" "$work/plugins.txt"
 expect "gp_ceres" "$work/plugins.txt"
-if grep -q chessboard "$work/plugins.txt"; then
-  say "the template is found without being on the search path"
+if grep -q my_field "$work/plugins.txt"; then
+  say "a plugin is found without being on the search path"
   exit 1
 fi
-SIDESTEP_PLUGIN_PATH=$work/plugin "$sidestep" plugins chessboard >"$work/chessboard.txt"
-expect "max_distance_m" "$work/chessboard.txt"
-expect "$work/plugin" "$work/chessboard.txt"
-SIDESTEP_PLUGIN_PATH=$work/plugin "$sidestep" plugins turns_back >"$work/turns_back.txt"
-expect "widening_mps" "$work/turns_back.txt"
+SIDESTEP_PLUGIN_PATH=$path "$sidestep" plugins my_field >"$work/my_field.txt"
+expect "max_distance_m" "$work/my_field.txt"
+expect "$work/plugin" "$work/my_field.txt"
+# A library is named, too.
+SIDESTEP_PLUGIN_PATH=$work/plugin/my_predictor/libpredictor_my_predictor.so "$sidestep" plugins my_predictor >"$work/my_predictor.txt"
+expect "widening_mps" "$work/my_predictor.txt"
 
 # The installed command runs an installed configuration by name with the third party's field.
-SIDESTEP_PLUGIN_PATH=$work/plugin "$sidestep" check demo --set field.plugin=chessboard
+export SIDESTEP_PLUGIN_PATH=$path
+"$sidestep" check demo --set field.plugin=my_field
 # So does a plan with the third party's cost.
-cost='[{cost: {plugin: keep_side, link: hand_palm_link, point_m: [0, 0, 0.2]}}]'
-SIDESTEP_PLUGIN_PATH=$work/plugin "$sidestep" check demo --set "experiment.plans.0.costs=$cost"
+cost='[{cost: {plugin: my_cost, link: hand_palm_link, point_m: [0, 0, 0.2]}}]'
+"$sidestep" check demo --set "experiment.plans.0.costs=$cost"
 # They run: what they do is seen in the run.
-SIDESTEP_PLUGIN_PATH=$work/plugin "$sidestep" run demo --out "$work/run" --set field.plugin=chessboard \
+"$sidestep" run demo --out "$work/run" --set field.plugin=my_field \
   --set "experiment.plans.0.costs=$cost" >"$work/run.log" 2>&1 || { cat "$work/run.log"; exit 1; }
-grep -q 'plugin: chessboard' "$work/run/effective_config.yaml" || { say "ran with another field"; exit 1; }
+grep -q 'plugin: my_field' "$work/run/effective_config.yaml" || { say "ran with another field"; exit 1; }
 # A third party's experiment runs, is shown again and compared.
-export SIDESTEP_PLUGIN_PATH=$work/plugin
 for run in one two; do
-  "$sidestep" run "$work/template/known_space.yaml" --out "$work/$run" >"$work/$run.log" 2>&1 || { cat "$work/$run.log"; exit 1; }
+  "$sidestep" run "$work/new/my_experiment/my_experiment.yaml" --out "$work/$run" >"$work/$run.log" 2>&1 || { cat "$work/$run.log"; exit 1; }
 done
 expect "% of the map is known." "$work/one.log"
 expect '"known_share"' "$work/one/summary.json"
 [ "$(wc -l <"$work/one/table.csv")" -eq 13 ] || { say "table.csv is not a line a frame"; exit 1; }
 "$sidestep" report "$work/one" "$work/two" --comparison "$work/comparison.html" >"$work/compared.txt"
 expect "Frame by frame" "$work/one/report.html"
-[ "$(grep -c known_space "$work/compared.txt")" -eq 2 ] || { say "the comparison is not a line a run"; exit 1; }
+[ "$(grep -c my_experiment "$work/compared.txt")" -eq 2 ] || { say "the comparison is not a line a run"; exit 1; }
 code=0
-"$sidestep" run "$work/template/known_space.yaml" --out "$work/three" --set experiment.wanted_share=0.9 >/dev/null 2>&1 || code=$?
+"$sidestep" run "$work/new/my_experiment/my_experiment.yaml" --out "$work/three" --set experiment.wanted_share=0.9 >/dev/null 2>&1 || code=$?
 [ "$code" -eq 1 ] || { say "exit code $code for a map that is not known enough"; exit 1; }
-unset SIDESTEP_PLUGIN_PATH
 # Its own check is asked.
 code=0
-SIDESTEP_PLUGIN_PATH=$work/plugin "$sidestep" check demo --set field.plugin=chessboard \
+"$sidestep" check demo --set field.plugin=my_field \
   --set field.inflation_m=2 2>"$work/inflated.txt" || code=$?
 [ "$code" -eq 2 ] || { say "exit code $code for a mistake in the third party's parameters"; exit 1; }
 expect "--set field.inflation_m=2: 'inflation_m' must be below max_distance_m" "$work/inflated.txt"
+unset SIDESTEP_PLUGIN_PATH
 
 env -u LD_LIBRARY_PATH "$sidestep" plugins voxel_grid >"$work/voxel_grid.txt"
 expect "$prefix/" "$work/voxel_grid.txt"

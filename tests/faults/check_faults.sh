@@ -81,6 +81,26 @@ kill -INT "$hung"
 code=0
 wait "$hung" || code=$?
 [ "$code" -eq 130 ] || { echo "exit code $code after a second Ctrl-C"; failed=1; }
+
+# A validation tells what each test came to, and goes on.
+# validation KIND METHOD TEXT...: of a plugin that throws or does harm in a method.
+validation() {
+  local kind=$1 text code=0
+  local grid=""
+  [ "$kind" != mapper ] || grid=", resolution_m: 0.05, size_vox: [40, 40, 40]"
+  printf '%s: {plugin: throwing, throws_in: "%s"%s}\n' "$kind" "$2" "$grid" >"$work/case.yaml"
+  "$sidestep" validate "$SIDESTEP_PLUGIN_PATH/throwing_$kind.so" "$work/case.yaml" --timeout_s 5 >"$work/log" 2>&1 || code=$?
+  for text in "  ok      Plugin.DocumentsItsParameters" "Failed: " "${@:3}"; do
+    grep -qF -- "$text" "$work/log" || { echo "'$text' is not told of $kind $2:"; cat "$work/log"; failed=1; }
+  done
+  [ "$code" -eq 1 ] || { echo "exit code $code of the validation of $kind $2"; failed=1; }
+}
+validation mapper integrate "FAILED" "on fire in integrate"
+validation mapper integrate:segv "ENDED   MapperConformance." "$crashed"
+validation mapper integrate:exit "$exited"
+validation robot link_poses:abort "ENDED   RobotConformance.Conforms: $gave_up"
+validation cost evaluate "on fire in evaluate"
+validation source next:hang "hangs: no end after 5 s"
 fi
 
 # What they return instead names them, too.

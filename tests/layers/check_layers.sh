@@ -59,10 +59,10 @@ violations=$(
     find "framework/src/$layer" -name '*.[hc]pp' 2>/dev/null | sort |
       while read -r file; do check_file "$file" "$layer" 0; done
   done
-  find plugins -name '*.[hc]pp' -not -path '*/tests/*' -not -path '*/benchmarks/*' 2>/dev/null | sort |
+  find plugins -name '*.[hc]pp' -not -path '*/tests/*' -not -path '*/benchmarks/*' -not -name '*_test.cpp' 2>/dev/null | sort |
     while read -r file; do
       case $file in
-        plugins/experiments/* | plugins/template/*_experiment.cpp) check_file "$file" protocol 0 ;;
+        plugins/experiments/* | plugins/template/experiment/*) check_file "$file" protocol 0 ;;
         *) check_file "$file" plugins 0 ;;
       esac
     done

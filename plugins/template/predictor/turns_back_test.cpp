@@ -1,4 +1,4 @@
-#include "turns_back_predictor.hpp"
+#include "turns_back.hpp"
 
 #include <gtest/gtest.h>
 
@@ -6,13 +6,6 @@
 
 namespace sidestep::conformance {
 namespace {
-
-INSTANTIATE_TEST_SUITE_P(turns_back, PredictorConformance,
-                         testing::Values(PredictorCase{
-                             "turns_back", [] {
-                               return std::make_shared<turns_back::TurnsBack>(
-                                   turns_back::Options{});
-                             }}));
 
 TEST(TurnsBack, IsOnBothSides) {
   turns_back::TurnsBack predictor({.probability = 0.3, .widening_mps = 0.1});

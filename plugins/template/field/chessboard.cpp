@@ -1,8 +1,8 @@
-// A complete distance-field plugin: the chessboard distance (the L-infinity metric), which is never
-// more than the Euclidean one, so planning with it is on the safe side. Two sweeps over the grid
+// A field: the largest of the three differences (the L-infinity metric), which is never more than
+// the Euclidean distance, so planning with it is on the safe side. Two sweeps over the grid
 // (Rosenfeld and Pfaltz, 1968).
 
-#include "chessboard_field.hpp"
+#include "chessboard.hpp"
 
 #include <algorithm>
 #include <optional>

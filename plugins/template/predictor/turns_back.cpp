@@ -1,5 +1,5 @@
 // A predictor: whoever walks goes on, or turns back.
-#include "turns_back_predictor.hpp"
+#include "turns_back.hpp"
 
 #include <utility>
 

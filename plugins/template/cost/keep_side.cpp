@@ -1,5 +1,5 @@
 // A cost: a link is to stay on one side of a plane.
-#include "keep_side_cost.hpp"
+#include "keep_side.hpp"
 
 #include <algorithm>
 

@@ -1,4 +1,4 @@
-#include "keep_side_cost.hpp"
+#include "keep_side.hpp"
 
 #include <gtest/gtest.h>
 
@@ -17,11 +17,6 @@ std::shared_ptr<const RobotModel> arm() {
 /// The end of the arm is to be where x + y >= 0.5.
 keep_side::Options options() {
   return {"link_3", Eigen::Vector3d(0.5, 0.0, 0.0), Eigen::Vector3d(1.0, 1.0, 0.0), 0.1};
-}
-
-TEST(KeepSide, Conforms) {
-  const keep_side::KeepSide cost(arm(), 3, options());
-  expect_conforms(cost, random_states(5, 60, 2.0, 1.0));
 }
 
 TEST(KeepSide, IsTheDistanceBehindThePlane) {

@@ -1,37 +1,19 @@
-// What every field must do, by the suite that is installed with Sidestep, and what this one must.
-
 #include <algorithm>
 #include <cmath>
 #include <memory>
 
 #include <gtest/gtest.h>
 
-#include <sidestep/conformance/field_conformance.hpp>
+#include <sidestep/conformance/grid_map.hpp>
 #include <sidestep/conformance/test_host.hpp>
 #include <sidestep/field/dense_field.hpp>
 
-#include "chessboard_field.hpp"
+#include "chessboard.hpp"
 
 namespace sidestep::conformance {
 namespace {
 
 constexpr double kMaxDistance_m = 0.4;
-
-FieldCase chessboard_case() {
-  const auto host = std::make_shared<TestHost>();
-  FieldCase field;
-  field.name = "chessboard";
-  field.max_distance_m = kMaxDistance_m;
-  // Along a diagonal of space the chessboard distance is the Euclidean one by the root of 3.
-  field.max_error_m = kMaxDistance_m * (1.0 - 1.0 / std::sqrt(3.0));
-  field.create = [host](WorkerPool& workers) {
-    return std::move(
-        *chessboard::create({.max_distance_m = kMaxDistance_m}, host->context(workers)));
-  };
-  return field;
-}
-
-INSTANTIATE_TEST_SUITE_P(chessboard, FieldConformance, testing::Values(chessboard_case()));
 
 class Chessboard : public testing::TestWithParam<double> {};
 
