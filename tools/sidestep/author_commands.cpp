@@ -165,6 +165,7 @@ ExitCode validate_command(const ValidateOptions& options) {
                         "build Sidestep where GoogleTest is (libgtest-dev)", nullptr});
   }
   std::vector<char*> arguments;
+  arguments.reserve(words.size() + 1);
   for (std::string& word : words) arguments.push_back(word.data());
   arguments.push_back(nullptr);
   const pid_t process = fork();

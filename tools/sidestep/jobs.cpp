@@ -28,6 +28,7 @@ class Process {
     std::vector<std::string> words = {"sidestep"};
     words.insert(words.end(), job.arguments.begin(), job.arguments.end());
     std::vector<char*> argv;
+    argv.reserve(words.size() + 1);
     for (std::string& word : words) argv.push_back(word.data());
     argv.push_back(nullptr);
     id_ = fork();

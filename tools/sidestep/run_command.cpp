@@ -232,7 +232,8 @@ std::vector<Job> jobs_of(const std::string& name, const RunOptions& options,
 }
 
 /// The same as run_one(), by several processes.
-RunResult run_in_jobs(const std::string& name, const RunOptions& options, std::stop_token stop) {
+RunResult run_in_jobs(const std::string& name, const RunOptions& options,
+                      const std::stop_token& stop) {
   Console console;
   const auto folder = out_folder(options, fs::path(name).stem().string());
   if (!folder) return refused(folder.error(), console);

@@ -49,7 +49,7 @@ std::string folder_of(std::size_t index, std::size_t count, const Values& values
   std::string number = std::to_string(index + 1);
   number.insert(0, std::to_string(count).size() - number.size(), '0');
   std::string name = number;
-  for (const auto& [key, value] : values) name += "-" + key + "=" + value;
+  for (const auto& [key, value] : values) name.append("-").append(key).append("=").append(value);
   for (char& c : name) {
     const bool is_safe = std::isalnum(static_cast<unsigned char>(c)) != 0 ||
                          std::string_view("._=,-+").find(c) != std::string_view::npos;
@@ -192,7 +192,9 @@ class Reader {
 
 std::vector<std::string> SweepRun::overrides() const {
   std::vector<std::string> overrides;
-  for (const auto& [key, value] : values) overrides.push_back(key + "=" + value);
+  for (const auto& [key, value] : values) {
+    overrides.emplace_back(key).append("=").append(value);
+  }
   return overrides;
 }
 

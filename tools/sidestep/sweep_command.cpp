@@ -130,6 +130,7 @@ Job job_of(const Work& work, std::size_t run) {
 void run_here(Work& work, int at_once, const std::stop_token& stop, Console& console) {
   const auto open = open_runs(work);
   std::vector<Job> jobs;
+  jobs.reserve(open.size());
   for (const std::size_t run : open) jobs.push_back(job_of(work, run));
   std::int64_t done = 0;
   const auto ends = run_jobs(

@@ -122,6 +122,7 @@ Result<void> save_outcome(const ExperimentOutcome& outcome, const fs::path& run,
 Result<std::vector<ComparedRuns>> compared_rows(const std::vector<fs::path>& runs, Host& host) {
   const auto experiments = SIDESTEP_TRY(find_experiments(host));
   std::vector<Json> summaries;
+  summaries.reserve(runs.size());
   for (const fs::path& run : runs) {
     summaries.push_back(SIDESTEP_TRY(read_summary(run)));
   }

@@ -50,11 +50,15 @@ class CountingMapper final : public Mapper {
   Result<MapUpdate> integrate(const Frame& frame) override {
     if (frame.sequence < 0) return fail(ErrorCode::kBadFrame, "negative");
     MapUpdate update;
-    update.sequence = ++sequence_;
+    sequence_ += skips ? 2 : 1;
+    update.sequence = sequence_;
+    update.stamp = frame.stamp;
     update.grid_moved = frame.sequence == 1000;
     return update;
   }
   const GridSpec& grid() const noexcept override { return grid_; }
+
+  bool skips = false;
 
  private:
   GridSpec grid_;
@@ -233,6 +237,18 @@ TEST_F(Pipeline, SkippingEndsAtTheDeadlineThoughTheSourceDoesNotWatchIt) {
   EXPECT_EQ(pipeline_.bad_frames().size(), 3u);
 }
 
+TEST_F(Pipeline, EndsWhereAMapperBreaksItsPromises) {
+  source_.add_frame(7);
+  source_.add_frame(8);
+  ASSERT_TRUE(pipeline_.step({}));
+  mapper_.skips = true;
+  const auto step = pipeline_.step({});
+  ASSERT_FALSE(step);
+  EXPECT_EQ(step.error().code, ErrorCode::kPlugin);
+  EXPECT_EQ(step.error().where, "plugin mapper, frame 8");
+  EXPECT_EQ(step.error().message, "update 3 follows update 1");
+}
+
 /// A pillar that stands, and a thing of 0.4 m that goes along y at 1 m/s. Frames are its near face.
 class CrossedMap final : public conformance::GridMap {
  public:
@@ -258,7 +274,9 @@ class CrossedMap final : public conformance::GridMap {
     const int y = static_cast<int>(frame.sequence) + 14;
     if (frame.sequence > 0) fill({30, y - 1, 2}, {33, y + 2, 12}, false);
     fill({30, y, 2}, {33, y + 3, 12}, true);
-    return take_update();
+    MapUpdate update = take_update();
+    update.stamp = frame.stamp;
+    return update;
   }
 
  private:
