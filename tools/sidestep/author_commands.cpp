@@ -138,9 +138,8 @@ std::string prefix_option() {
 ExitCode new_plugin_command(const NewPluginOptions& options) {
   const fs::path folder = options.out.value_or(options.name);
   if (const auto written = write_plugin(options, folder); !written) {
-    const Error& error = written.error();
-    return error.code == ErrorCode::kConfig ? wrong_input(error)
-                                            : (print_errors({error}), ExitCode::kFault);
+    print_errors({written.error()});
+    return exit_code(written.error());
   }
   const std::string at = shell_word(folder.string());
   std::printf(
