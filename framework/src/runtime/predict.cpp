@@ -39,26 +39,27 @@ Result<void> check_sets(const Prediction& prediction, const PredictionRequest& r
   return {};
 }
 
-Result<Prediction> checked(Predictor& predictor, const PredictionRequest& request) {
-  auto prediction = SIDESTEP_TRY(predictor.predict(request));
+}  // namespace
+
+Result<void> check_prediction(const Prediction& prediction, const PredictionRequest& request,
+                              PredictionSubject subject) {
   if (prediction.stamp() != request.tracks.stamp) {
     return invalid(format("the prediction has the stamp %.9f s, the tracks %.9f s",
                           prediction.stamp().seconds(), request.tracks.stamp.seconds()));
   }
-  if (predictor.subject() == PredictionSubject::kTracks) {
-    SIDESTEP_TRY(check_sets(prediction, request));
-  }
-  return prediction;
+  return subject == PredictionSubject::kTracks ? check_sets(prediction, request) : Result<void>();
 }
-
-}  // namespace
 
 Result<Prediction> predict(Predictor& predictor, const std::string& name,
                            const PredictionRequest& request, Log& log) {
   if (predictor.subject() != PredictionSubject::kNothing) {
     SIDESTEP_TRY(check_tracks(request.tracks));
   }
-  auto prediction = call_stage(name, [&] { return checked(predictor, request); });
+  auto prediction = call_stage(name, [&]() -> Result<Prediction> {
+    auto its = SIDESTEP_TRY(predictor.predict(request));
+    SIDESTEP_TRY(check_prediction(its, request, predictor.subject()));
+    return its;
+  });
   if (prediction) return prediction;
   log.warn(prediction.error().describe() + "; the worst case stands in for it");
   return worst_case_prediction(request.tracks, kWalkingSpeed_mps, request.horizon_s);

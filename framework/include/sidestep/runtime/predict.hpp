@@ -7,6 +7,12 @@
 
 namespace sidestep {
 
+/// The contract of a predictor with that subject, as far as Prediction::create() does not check it.
+/// Fails with kInvalidArgument, naming the track. [any]; allocates.
+[[nodiscard]] Result<void> check_prediction(const Prediction& prediction,
+                                            const PredictionRequest& request,
+                                            PredictionSubject subject);
+
 /// What a predictor says of the request's tracks, checked against its contract. Where it throws or
 /// fails, has another stamp or, being of tracks, leaves one out, adds one, begins late, ends before
 /// the horizon or is too likely: the worst case, at kWalkingSpeed_mps, and one warning that names
