@@ -1,6 +1,7 @@
 #include <fstream>
 #include <thread>
 
+#include <sidestep/runtime/library_version.hpp>
 #include <sidestep/runtime/results_store.hpp>
 
 #include "provenance_config.hpp"  // written by cmake/WriteProvenance.cmake at every build
@@ -20,6 +21,8 @@ std::string cpu_model() {
 }
 
 }  // namespace
+
+const char* library_version() noexcept { return SIDESTEP_VERSION; }
 
 RunProvenance current_provenance() {
   RunProvenance provenance;
