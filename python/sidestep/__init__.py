@@ -11,20 +11,26 @@ from ._core import (
     Error,
     Event,
     Frame,
+    GazeRequest,
     Grid,
     Joint,
     Loop,
     Map,
     Plan,
     Planner,
+    PredictedSet,
+    PredictionRequest,
     Problem,
     Robot,
     Scene,
     Session,
     SetProblem,
+    Snapshot,
     Source,
+    Track,
     Trajectory,
     Verdict,
+    __version__,
     certify,
     field_check,
     read_problem_set,
@@ -53,8 +59,33 @@ class Optimiser:
         raise NotImplementedError
 
 
+class Predictor:
+    """Says where tracked things may be, for Session.loop(predictor=...)."""
+
+    # Of whom the sets are: of the "tracks"; of "things", tracked or not; of "nothing": there are none.
+    subject = "tracks"
+
+    def predict(self, request):
+        """A list of PredictedSet: for each track of a PredictionRequest one, or alternatives, each
+        from time 0 to the horizon. Asked once for each new map."""
+        raise NotImplementedError
+
+
+class Gaze:
+    """Turns the head of a robot, for Session.loop(gaze=...)."""
+
+    wants_tracks = False
+
+    def look(self, request):
+        """Where the head is to turn, pan and tilt in rad, by a GazeRequest. Asked ten times a second."""
+        raise NotImplementedError
+
+
 class Executor:
-    """A robot, real or simulated, for Session.loop(). Times are those of Loop.step()."""
+    """A robot, real or simulated, for Session.loop(). Times are those of Loop.step().
+
+    One whose head a gaze turns also has head(), which returns where that is, pan and tilt in rad,
+    and turn_head(pan_rad, tilt_rad), which has it turn there as fast as it can and returns at once."""
 
     def current(self):
         """The newest measured state: positions and velocities, one for each joint, and its time in s."""
@@ -66,5 +97,5 @@ class Executor:
         raise NotImplementedError
 
     def stop(self):
-        """Brings the robot to rest."""
+        """Brings the robot to rest. With wall_clock=True it may be called in another thread."""
         raise NotImplementedError

@@ -2,6 +2,8 @@
 
 #include <memory>
 #include <mutex>
+#include <optional>
+#include <span>
 #include <string>
 #include <utility>
 
@@ -14,11 +16,14 @@
 #include <sidestep/core/error.hpp>
 #include <sidestep/core/node.hpp>
 #include <sidestep/field/dense_field.hpp>
+#include <sidestep/planning/gaze.hpp>
+#include <sidestep/planning/prediction.hpp>
 #include <sidestep/robot/robot_model.hpp>
 #include <sidestep/runtime/call_plugin.hpp>
 #include <sidestep/runtime/entry_reading.hpp>
 #include <sidestep/runtime/planning_settings.hpp>
 #include <sidestep/runtime/session.hpp>
+#include <sidestep/runtime/snapshot_slot.hpp>
 
 /// What the parts of the Python module share. Interfaces of the SDK are bound as they are; what
 /// blocks and configurations are in C++ are dicts here.
@@ -84,6 +89,12 @@ template <class Settings>
 /// Raises ValueError, naming `what`, unless the array has `columns` columns; its rows.
 [[nodiscard]] py::ssize_t rows_of(const Doubles& array, py::ssize_t columns, const char* what);
 
+/// E.g. "3 x 1 x 7".
+[[nodiscard]] std::string shape_text(std::span<const py::ssize_t> shape);
+[[nodiscard]] inline std::string shape_text(const Doubles& array) {
+  return shape_text({array.shape(), static_cast<std::size_t>(array.ndim())});
+}
+
 /// The voxels of a field; raises where it has none.
 [[nodiscard]] const DenseField& dense(const DistanceField& field);
 
@@ -143,13 +154,28 @@ py::object called(const py::object& self, const char* method, Arguments&&... arg
   }
 }
 
+/// The kind of a Python object and its class, e.g. "cost Wrist".
+[[nodiscard]] inline std::string name_of(const py::object& self, const char* kind) {
+  return std::string(kind) + " " + std::string(py::str(py::type::of(self).attr("__name__")));
+}
+
 /// An object of a Python class, as the host hands out a plugin's, and named after its class.
-template <class Interface, class Adapter>
-[[nodiscard]] PluginPtr<Interface> made_of(const py::object& self, const char* kind) {
-  const std::string name = py::str(py::type::of(self).attr("__name__"));
-  return {new Adapter(self),
-          {[](void* object) { delete static_cast<Interface*>(object); },
-           std::string(kind) + " " + name}};
+template <class Interface, class Adapter, class... More>
+[[nodiscard]] PluginPtr<Interface> made_of(const py::object& self, const char* kind,
+                                           More&&... more) {
+  return {new Adapter(self, std::forward<More>(more)...),
+          {[](void* object) { delete static_cast<Interface*>(object); }, name_of(self, kind)}};
+}
+
+/// The first that went wrong in what Python does for a loop; whoever steps that raises it.
+using Fault = std::optional<Error>;
+
+/// Calls into Python as into a plugin, and keeps what goes wrong.
+template <class Call>
+[[nodiscard]] auto noted(Fault& fault, const std::string& name, Call&& call) {
+  auto result = call_stage(name, std::forward<Call>(call));
+  if (!result && !fault) fault = result.error();
+  return result;
 }
 
 /// Has one thread at a time in what calls Python. To be entered without Python's lock.
@@ -170,15 +196,43 @@ class Alone {
 using SessionPtr = std::shared_ptr<Session>;
 using RobotPtr = std::shared_ptr<const RobotModel>;
 
-/// A block, or an object of a Python class; null of None.
+/// A map as loops see it.
+struct Snapshot {
+  MapSnapshot map;
+  bool is_apart = false;  ///< What is tracked has been left out of its field.
+};
+using SnapshotPtr = std::shared_ptr<Snapshot>;
+
+/// A block, or an object of a Python class with that method; null of None. `key`: of the block.
+template <class Interface, class Adapter, class... More>
+[[nodiscard]] PluginPtr<Interface> part_of(const SessionPtr& session, const RobotPtr& robot,
+                                           const py::object& value, const char* key,
+                                           const char* kind, const char* method, More&&... more) {
+  if (value.is_none()) return nullptr;
+  if (py::hasattr(value, method)) {
+    return made_of<Interface, Adapter>(value, kind, std::forward<More>(more)...);
+  }
+  const Node node = block_of(value, key);
+  return unlocked(key, [&] { return session->host().create<Interface>(node, robot); });
+}
 [[nodiscard]] PluginPtr<Optimiser> make_optimiser(const SessionPtr& session, const RobotPtr& robot,
                                                   const py::object& value, const char* key);
+/// `slot` has the map that the loop is in; it and `fault` outlive the object, as of the next.
+[[nodiscard]] PluginPtr<Predictor> make_predictor(const SessionPtr& session, const RobotPtr& robot,
+                                                  const py::object& value, const SnapshotSlot& slot,
+                                                  Fault& fault);
+[[nodiscard]] PluginPtr<Gaze> make_gaze(const SessionPtr& session, const RobotPtr& robot,
+                                        const py::object& value, const SnapshotSlot& slot,
+                                        Fault& fault);
+/// Pan and tilt of what a method of a Python object's returned; raises where they are none.
+[[nodiscard]] HeadAngles angles_of(const py::object& value, const char* method);
 /// Settings for a robot: where nothing else is said, it stands on the floor, what nobody has seen
 /// is occupied, and what is outside of the map is as what is unknown.
 [[nodiscard]] PlanningSettings planning_of(const py::object& value, const RobotModel& robot);
 
 void bind_robots(py::module_& module, py::class_<Session, SessionPtr>& session);
 void bind_maps(py::module_& module, py::class_<Session, SessionPtr>& session);
+void bind_perception(py::module_& module);
 void bind_planning(py::module_& module, py::class_<Session, SessionPtr>& session);
 void bind_loops(py::module_& module, py::class_<Session, SessionPtr>& session);
 

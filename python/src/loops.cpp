@@ -3,9 +3,11 @@
 
 #include <sidestep/planning/executor.hpp>
 #include <sidestep/planning/optimiser.hpp>
+#include <sidestep/runtime/gaze_loop.hpp>
 #include <sidestep/runtime/host.hpp>
 #include <sidestep/runtime/planning_settings.hpp>
 #include <sidestep/runtime/replanner.hpp>
+#include <sidestep/runtime/step_watch.hpp>
 
 #include "bindings.hpp"
 
@@ -13,7 +15,7 @@ namespace sidestep::python {
 namespace {
 
 /// A robot that a Python class moves: a subclass of sidestep.Executor.
-class PythonExecutor final : public Executor {
+class PythonExecutor : public Executor {
  public:
   explicit PythonExecutor(py::object self) : self_(std::move(self)) {}
 
@@ -38,6 +40,9 @@ class PythonExecutor final : public Executor {
     return {};
   }
 
+ protected:
+  [[nodiscard]] const py::object& self() const noexcept { return self_.get(); }
+
  private:
   static Eigen::VectorXd values_of(const py::handle& value, const char* what) {
     const Doubles array = doubles_of(value, what);
@@ -48,7 +53,32 @@ class PythonExecutor final : public Executor {
   Held self_;
 };
 
-/// Says nothing: what happens is in the events.
+/// The same of a robot with a head.
+class PythonHead final : public PythonExecutor, public HeadTurner {
+ public:
+  PythonHead(const py::object& self, Fault& fault)
+      : PythonExecutor(self), name_(name_of(self, "executor")), fault_(fault) {}
+
+  Result<void> turn_head(const HeadAngles& to) override {
+    return noted(fault_, name_, [&]() -> Result<void> {
+      const py::gil_scoped_acquire lock;
+      called(self(), "turn_head", to.pan_rad, to.tilt_rad);
+      return {};
+    });
+  }
+  Result<HeadAngles> head() {
+    return noted(fault_, name_, [&]() -> Result<HeadAngles> {
+      const py::gil_scoped_acquire lock;
+      return angles_of(called(self(), "head"), "head");
+    });
+  }
+
+ private:
+  std::string name_;
+  Fault& fault_;
+};
+
+/// Says nothing: what happens is in the events, and what goes wrong in Python is raised.
 class QuietLog final : public Log {
  public:
   void write(LogLevel, std::string_view) override {}
@@ -59,10 +89,14 @@ struct LoopParts {
   SessionPtr session;
   RobotPtr robot;
   PlanningSettings planning;
-  PluginPtr<Executor> executor;
-  PluginPtr<Optimiser> optimiser, sampler;
   QuietLog log = {};
   SnapshotSlot slot = {};
+  RobotMotion motion = RobotMotion();  ///< Has the head alone.
+  Fault fault = {};
+  PluginPtr<Executor> executor = {};
+  PluginPtr<Optimiser> optimiser = {}, sampler = {};
+  PluginPtr<Predictor> predictor = {};
+  PluginPtr<Gaze> gaze = {};
 };
 
 /// A replanner that Python steps.
@@ -70,23 +104,56 @@ class Loop {
  public:
   Loop(std::unique_ptr<LoopParts> its, const Eigen::VectorXd& q_goal,
        const ReplannerSettings& settings)
-      : parts_(std::move(its)), replanner_(parts_of(*parts_, q_goal), settings) {}
+      : parts_(std::move(its)),
+        replanner_(parts_of(q_goal), settings),
+        fears_motion_(settings.obstacle_speed_mps > 0.0 || settings.safety == "ssm") {
+    LoopParts& parts = *parts_;
+    if (parts.gaze) {
+      gaze_.emplace(need(GazeLoop::create({parts.robot, *parts.gaze, *parts.executor, parts.motion,
+                                           parts.slot, parts.log, plugin_of(parts.gaze),
+                                           plugin_of(parts.executor), settings.margin_m})));
+    }
+    if (!settings.limit_wall_time) return;
+    watch_.emplace(settings.longest_step_s(), [&parts] {
+      (void)call_stage(plugin_of(parts.executor), [&] { return parts.executor->stop(); });
+    });
+  }
+  /// Whoever watches may be in Python.
+  ~Loop() {
+    const py::gil_scoped_release release;
+    watch_.reset();
+  }
 
-  std::vector<ReplannerEvent> step(double now_s, const std::shared_ptr<DistanceField>& field) {
+  std::vector<ReplannerEvent> step(double now_s, const SnapshotPtr& seen) {
     return unlocked("loop", [&]() -> Result<std::vector<ReplannerEvent>> {
-      const auto lock = SIDESTEP_TRY(alone_.enter("a loop cannot be stepped by its own robot"));
-      if (field) parts_->slot.publish(field);
-      std::vector<ReplannerEvent> events;
-      status_ = replanner_.step(Stamp::from_seconds(now_s), events);
-      return events;
+      const auto lock = SIDESTEP_TRY(
+          alone_.enter("a loop cannot be stepped by its own robot, predictor or gaze"));
+      if (seen) SIDESTEP_TRY(check(*seen));
+      if (seen) parts_->slot.publish(seen->map);
+      now_ = Stamp::from_seconds(now_s);
+      if (watch_) watch_->begin();
+      status_ = replanner_.step(now_, events_);
+      if (gaze_ && gaze_->is_due(now_)) turn_head();
+      if (watch_) watch_->end();
+      if (auto fault = std::exchange(parts_->fault, {})) return tl::make_unexpected(*fault);
+      return std::exchange(events_, {});
     });
   }
   std::vector<ReplannerEvent> stop(double now_s, const std::string& cause) {
     return unlocked("loop", [&]() -> Result<std::vector<ReplannerEvent>> {
-      const auto lock = SIDESTEP_TRY(alone_.enter("a loop cannot be stopped by its own robot"));
-      std::vector<ReplannerEvent> events;
-      replanner_.stop(Stamp::from_seconds(now_s), cause, events);
-      return events;
+      const auto lock = SIDESTEP_TRY(
+          alone_.enter("a loop cannot be stopped by its own robot, predictor or gaze"));
+      now_ = Stamp::from_seconds(now_s);
+      replanner_.stop(now_, cause, events_);
+      return std::exchange(events_, {});
+    });
+  }
+  std::optional<std::vector<PredictedSet>> prediction() {
+    return unlocked("loop", [&]() -> Result<std::optional<std::vector<PredictedSet>>> {
+      const auto lock =
+          SIDESTEP_TRY(alone_.enter("a loop cannot be asked by its own robot, predictor or gaze"));
+      const auto prediction = replanner_.prediction();
+      return prediction ? std::optional(prediction->sets()) : std::nullopt;
     });
   }
   [[nodiscard]] std::string status() const {
@@ -99,7 +166,37 @@ class Loop {
   }
 
  private:
-  static Replanner::Parts parts_of(LoopParts& parts, const Eigen::VectorXd& q_goal) {
+  /// What is left out of a map has to be predicted, and whoever goes by what moves has to be told.
+  [[nodiscard]] Result<void> check(const Snapshot& seen) const {
+    const auto& predictor = parts_->predictor;
+    using Subject = PredictionSubject;
+    const Subject subject = predictor ? predictor->subject() : Subject::kNothing;
+    if (seen.is_apart && subject == Subject::kNothing) {
+      return invalid("what is tracked is not in this map's field, and the loop predicts nothing");
+    }
+    const bool lacks_tracks = seen.map.tracks == nullptr;
+    if (lacks_tracks && subject == Subject::kTracks) {
+      return invalid(plugin_of(predictor) + " has no tracks: map with motion=\"apart\"");
+    }
+    if (lacks_tracks && parts_->gaze && parts_->gaze->wants_tracks()) {
+      return invalid(plugin_of(parts_->gaze) + " has no tracks: map with motion=\"tracked\"");
+    }
+    if (lacks_tracks && fears_motion_ && seen.map.moving == nullptr) {
+      return invalid(
+          "this map does not tell what moves, and the replanner goes by it: map with "
+          "motion=\"detected\", or \"tracked\" for safety: ssm");
+    }
+    return {};
+  }
+  void turn_head() {
+    auto* const head = dynamic_cast<PythonHead*>(parts_->executor.get());
+    const auto at = head->head();
+    if (at) parts_->motion.record_head(*at, now_);
+    const auto current = call_stage(plugin_of(parts_->executor), [&] { return head->current(); });
+    if (at && current) gaze_->look(now_, current->state, replanner_.way());
+  }
+  Replanner::Parts parts_of(const Eigen::VectorXd& q_goal) {
+    LoopParts& parts = *parts_;
     const auto pose = [&parts](std::shared_ptr<const DistanceField> field, const RobotState& start,
                                const RobotState& goal) {
       Problem problem = make_problem(parts.robot, std::move(field), parts.planning, start, goal.q);
@@ -118,12 +215,23 @@ class Loop {
             .log = parts.log,
             .executor_name = plugin_of(parts.executor),
             .optimiser_name = plugin_of(parts.optimiser),
-            .sampler_name = parts.sampler ? plugin_of(parts.sampler) : ""};
+            .sampler_name = parts.sampler ? plugin_of(parts.sampler) : "",
+            .predictor = parts.predictor.get(),
+            .predictor_name = parts.predictor ? plugin_of(parts.predictor) : "",
+            .moving_costs = parts.planning,
+            .objection = [this](const Trajectory& motion) {
+              return gaze_ ? gaze_->objection(now_, motion) : std::string();
+            }};
   }
 
   std::unique_ptr<LoopParts> parts_;
   Replanner replanner_;
+  bool fears_motion_;
+  std::optional<GazeLoop> gaze_;
+  std::optional<StepWatch> watch_;  ///< Where time goes on during a step.
+  Stamp now_;
   Replanner::Status status_ = Replanner::Status::kWaiting;
+  std::vector<ReplannerEvent> events_;  ///< Not told yet.
   Alone alone_;
 };
 
@@ -131,9 +239,11 @@ std::shared_ptr<Loop> make_loop(const SessionPtr& session, const RobotPtr& robot
                                 const py::object& executor, const py::object& optimiser,
                                 const py::object& goal, const py::object& sampler,
                                 const py::object& planning, const py::object& replanner,
-                                bool wall_clock) {
-  for (const char* const method : {"current", "follow", "stop"}) {
-    if (!py::hasattr(executor, method)) {
+                                bool wall_clock, const py::object& predictor,
+                                const py::object& gaze) {
+  for (const char* const method : {"current", "follow", "stop", "head", "turn_head"}) {
+    const bool is_of_head = std::string_view(method).ends_with("head");
+    if (!py::hasattr(executor, method) && (!is_of_head || !gaze.is_none())) {
       throw py::type_error("the executor has no " + std::string(method) + "()");
     }
   }
@@ -141,11 +251,14 @@ std::shared_ptr<Loop> make_loop(const SessionPtr& session, const RobotPtr& robot
   auto settings = settings_of<ReplannerSettings>(replanner, "replanner");
   settings.limit_wall_time = wall_clock;
   const Eigen::VectorXd q_goal = configuration_of(goal, robot->description(), "goal");
-  std::unique_ptr<LoopParts> parts(
-      new LoopParts{session, robot, planning_of(planning, *robot),
-                    made_of<Executor, PythonExecutor>(executor, "executor"),
-                    make_optimiser(session, robot, optimiser, "optimiser"),
-                    make_optimiser(session, robot, sampler, "sampler")});
+  std::unique_ptr<LoopParts> parts(new LoopParts{session, robot, planning_of(planning, *robot)});
+  parts->executor = gaze.is_none()
+                        ? made_of<Executor, PythonExecutor>(executor, "executor")
+                        : made_of<Executor, PythonHead>(executor, "executor", parts->fault);
+  parts->optimiser = make_optimiser(session, robot, optimiser, "optimiser");
+  parts->sampler = make_optimiser(session, robot, sampler, "sampler");
+  parts->predictor = make_predictor(session, robot, predictor, parts->slot, parts->fault);
+  parts->gaze = make_gaze(session, robot, gaze, parts->slot, parts->fault);
   return std::make_shared<Loop>(std::move(parts), q_goal, settings);
 }
 
@@ -174,21 +287,28 @@ void bind_loops(py::module_& module, py::class_<Session, SessionPtr>& session) {
       "A robot on its way to a goal: what it follows is checked in every new map, replanned where "
       "something is in the way, and stopped where nothing else is left (docs/closed_loop.md).")
       .def("step", &Loop::step, py::arg("now_s"), py::arg("field") = nullptr,
-           "Does what is due, at 250 Hz or better, in the newest map; `field` is a new one. What "
-           "happened.")
+           "Does what is due, at 250 Hz or better, in the newest map; `field` is a new one, a "
+           "DistanceField or, with what is tracked, a Snapshot. What happened. What a predictor, a "
+           "gaze or a head in Python does amiss is raised once the step is done.")
       .def("stop", &Loop::stop, py::arg("now_s"), py::arg("cause"),
            "Brings the robot to rest, instead of a last step.")
+      .def_property_readonly("prediction", &Loop::prediction,
+                             "Where what is tracked in the newest map may be, a list of "
+                             "PredictedSet; None where nothing is predicted.")
       .def_property_readonly("status", &Loop::status,
                              "After a step: \"moving\", \"waiting\" or \"reached\".");
 
   session.def("loop", &make_loop, py::arg("robot").none(false), py::arg("executor"),
               py::arg("optimiser"), py::arg("goal"), py::arg("sampler") = py::none(),
               py::arg("planning") = py::none(), py::arg("replanner") = py::none(),
-              py::arg("wall_clock") = false,
+              py::arg("wall_clock") = false, py::arg("predictor") = py::none(),
+              py::arg("gaze") = py::none(),
               "A closed loop. executor: an object of a class derived from sidestep.Executor. "
               "planning, replanner: the blocks of a configuration. wall_clock: whether time goes "
-              "on while it plans, so that what takes too long counts; else equal steps lead to "
-              "equal events.");
+              "on while it plans, so that what takes too long counts, and the robot is stopped "
+              "where a step does not come back; else equal steps lead to equal events. predictor, "
+              "gaze: blocks, or objects of classes derived from sidestep.Predictor or "
+              "sidestep.Gaze.");
 }
 
 }  // namespace sidestep::python

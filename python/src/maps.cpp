@@ -1,14 +1,15 @@
 // From frames to maps and distance fields.
+#include <array>
 #include <filesystem>
 #include <mutex>
 
 #include <sidestep/field/scene_field.hpp>
 #include <sidestep/geometry/load_scene.hpp>
 #include <sidestep/mapping/field_builder.hpp>
-#include <sidestep/mapping/map_check.hpp>
 #include <sidestep/mapping/mapper.hpp>
 #include <sidestep/mapping/occupancy_view.hpp>
 #include <sidestep/runtime/install_layout.hpp>
+#include <sidestep/runtime/pipeline.hpp>
 #include <sidestep/runtime/yaml_document.hpp>
 #include <sidestep/sensing/source.hpp>
 
@@ -92,29 +93,91 @@ struct Frames {
   }
 };
 
+/// The frame that Python has.
+class GivenFrame final : public Source {
+ public:
+  void give(const Frame& frame) noexcept { frame_ = &frame; }
+
+  Result<std::optional<Frame>> next(const Deadline&) override {
+    const Frame* const frame = std::exchange(frame_, nullptr);
+    return frame != nullptr ? std::optional(*frame) : std::nullopt;
+  }
+  std::optional<std::int64_t> frame_count() const override { return std::nullopt; }
+
+ private:
+  const Frame* frame_ = nullptr;
+};
+
+/// Keeps why the field is not built as it was asked for.
+class KeptLog final : public Log {
+ public:
+  void write(LogLevel level, std::string_view message) override {
+    if (level >= LogLevel::kWarning && first.empty()) first = message;
+  }
+  std::string first;
+};
+
+/// What is done about what moves; each does what those before it do.
+enum class Motion { kIgnored, kDetected, kTracked, kApart };
+
+Motion motion_of(const std::string& name) {
+  constexpr std::array kNames{"ignored", "detected", "tracked", "apart"};
+  const auto found = std::ranges::find(kNames, name);
+  if (found != kNames.end()) return static_cast<Motion>(found - kNames.begin());
+  throw py::value_error("motion has to be \"ignored\", \"detected\", \"tracked\" or \"apart\"");
+}
+
 /// A mapper and the field that is made of it.
 struct Map {
-  Map(SessionPtr its, PluginPtr<Mapper> maps, PluginPtr<FieldBuilder> builds)
+  Map(SessionPtr its, const RobotPtr& robot, PluginPtr<Mapper> maps, PluginPtr<FieldBuilder> builds,
+      Motion asked)
       : session(std::move(its)),
         mapper(std::move(maps)),
         builder(std::move(builds)),
-        map_check(*mapper) {}
+        motion(asked),
+        tracker({}, robot),
+        pipeline({.source = given,
+                  .mapper = *mapper,
+                  .field_builder = *builder,
+                  .slot = slot,
+                  .log = log,
+                  .names = {"source", plugin_of(mapper), plugin_of(builder)},
+                  .motion_detector = motion >= Motion::kDetected ? &detector : nullptr,
+                  .tracker = motion >= Motion::kTracked ? &tracker : nullptr,
+                  .masks_tracks = motion == Motion::kApart}) {}
 
   SessionPtr session;
   PluginPtr<Mapper> mapper;
   PluginPtr<FieldBuilder> builder;
-  MapCheck map_check;
+  Motion motion;
+  GivenFrame given = {};
+  KeptLog log = {};
+  SnapshotSlot slot = {};
+  MotionDetector detector = MotionDetector();
+  Tracker tracker;
+  MappingPipeline pipeline;
   std::mutex mutex = {};
 
+  Result<void> attach() {
+    if (motion != Motion::kIgnored && dynamic_cast<OccupancyView*>(mapper.get()) == nullptr) {
+      return fail(ErrorCode::kUnsupported, "it does not tell occupancy, which motion needs",
+                  plugin_of(mapper));
+    }
+    SIDESTEP_TRY(pipeline.attach());
+    if (log.first.empty()) return {};
+    return fail(ErrorCode::kUnsupported, log.first);
+  }
   Result<std::shared_ptr<const DistanceField>> integrate(const Frame& frame) {
     const std::scoped_lock lock(mutex);
-    const MapUpdate update =
-        SIDESTEP_TRY(call_stage(plugin_of(mapper), [&] { return mapper->integrate(frame); }));
-    SIDESTEP_TRY(call_stage(plugin_of(mapper), [&] { return map_check.check(frame, update); }));
-    return call_stage(plugin_of(builder), [&]() -> Result<std::shared_ptr<const DistanceField>> {
-      if (update.grid_moved) SIDESTEP_TRY(builder->attach(*mapper));
-      return builder->update(update);
-    });
+    given.give(frame);
+    const auto step = SIDESTEP_TRY(pipeline.step(Deadline()));
+    if (!step) return tl::make_unexpected(pipeline.take_bad_frames().back());
+    return slot.pin();
+  }
+  [[nodiscard]] SnapshotPtr snapshot() const {
+    MapSnapshot newest = slot.snapshot();
+    if (!newest.field) return nullptr;
+    return std::make_shared<Snapshot>(Snapshot{std::move(newest), motion == Motion::kApart});
   }
   [[nodiscard]] const OccupancyView& occupancy() const {
     const auto* view = dynamic_cast<const OccupancyView*>(mapper.get());
@@ -124,13 +187,16 @@ struct Map {
 };
 
 std::shared_ptr<Map> make_map(const SessionPtr& session, const py::object& mapper,
-                              const py::object& field, const RobotPtr& robot) {
+                              const py::object& field, const RobotPtr& robot,
+                              const std::string& motion) {
   const Node mapper_block = block_of(mapper, "mapper"), field_block = block_of(field, "field");
+  const Motion about_motion = motion_of(motion);
   return unlocked("map", [&]() -> Result<std::shared_ptr<Map>> {
     auto made = SIDESTEP_TRY(session->host().create<Mapper>(mapper_block, robot));
     auto builder = SIDESTEP_TRY(session->host().create<FieldBuilder>(field_block, robot));
-    auto map = std::make_shared<Map>(session, std::move(made), std::move(builder));
-    SIDESTEP_TRY(map->builder->attach(*map->mapper));
+    auto map =
+        std::make_shared<Map>(session, robot, std::move(made), std::move(builder), about_motion);
+    SIDESTEP_TRY(map->attach());
     return map;
   });
 }
@@ -370,6 +436,9 @@ void bind_maps(py::module_& module, py::class_<Session, SessionPtr>& session) {
           py::arg("frame"),
           "Adds a frame; the distance field since. Where the frame is unusable (code "
           "\"bad_frame\"), the map is as it was.")
+      .def_property_readonly("snapshot", &Map::snapshot,
+                             "After the newest frame, with what moves and is tracked as far as "
+                             "`motion` says; None before the first. It waits for nothing.")
       .def_property_readonly("grid",
                              [](Map& map) {
                                const py::gil_scoped_release release;
@@ -409,9 +478,11 @@ void bind_maps(py::module_& module, py::class_<Session, SessionPtr>& session) {
           py::arg("block"), py::arg("robot") = nullptr,
           "Frames of a camera, recording or simulation.")
       .def("map", &make_map, py::arg("mapper"), py::arg("field"), py::arg("robot") = nullptr,
-           "An empty map of a block `mapper` and a block `field`; with the robot, mappers can "
-           "remove "
-           "its own points.")
+           py::arg("motion") = "ignored",
+           "An empty map of a block `mapper` and a block `field`; with the robot, its own points "
+           "can be removed. motion: what moves is \"ignored\"; \"detected\", for "
+           "replanner.obstacle_speed_mps; \"tracked\", too; or \"apart\": tracked, and left out "
+           "of the field, for a loop with a predictor.")
       .def(
           "scene", &make_scene, py::arg("scene"), py::arg("seed") = std::nullopt,
           "A scene of the installation by its name, a file, or its document as a dict; with a seed "

@@ -1,12 +1,18 @@
 // The Python module sidestep._core: errors, blocks and sessions; the rest is bound by its
 // neighbours.
+#include <string_view>
+
 #include <sidestep/runtime/configuration.hpp>
+#include <sidestep/runtime/library_version.hpp>
 #include <sidestep/runtime/planning_settings.hpp>
 
 #include "bindings.hpp"
 
 namespace sidestep::python {
 namespace {
+
+/// The version of the headers that this is compiled with.
+constexpr const char* kBuiltFor = "sidestep module " SIDESTEP_MODULE_VERSION;
 
 /// sidestep.Error; lives as long as the interpreter.
 py::handle error_type;
@@ -147,6 +153,12 @@ Doubles doubles_of(const py::handle& value, const char* what) {
   return array;
 }
 
+std::string shape_text(std::span<const py::ssize_t> shape) {
+  std::string text;
+  for (const py::ssize_t size : shape) text += (text.empty() ? "" : " x ") + std::to_string(size);
+  return text.empty() ? "one number" : text;
+}
+
 py::ssize_t rows_of(const Doubles& array, py::ssize_t columns, const char* what) {
   if (array.ndim() == 2 && array.shape(1) == columns) return array.shape(0);
   throw py::value_error(std::string(what) + " have to be an array of n x " +
@@ -154,6 +166,14 @@ py::ssize_t rows_of(const Doubles& array, py::ssize_t columns, const char* what)
 }
 
 PYBIND11_MODULE(_core, module) {
+  // What follows hands over objects whose layout both have to agree about.
+  const std::string_view built_for = kBuiltFor + sizeof "sidestep module " - 1;
+  if (built_for != library_version()) {
+    throw py::import_error("the module sidestep is of version " + std::string(built_for) +
+                           ", the library that it has loaded of " + library_version() +
+                           ": install both of one version");
+  }
+  module.attr("__version__") = library_version();
   module.doc() = "Maps, distance fields, robots and motion planning (sidestep).";
   error_type = PyErr_NewExceptionWithDoc("sidestep.Error",
                                          "What Sidestep cannot do, in words: `code` (\"config\", "
@@ -177,6 +197,7 @@ PYBIND11_MODULE(_core, module) {
            "\"a.b=value\". Blocks are checked where they are used.");
   bind_robots(module, session);
   bind_maps(module, session);
+  bind_perception(module);
   bind_planning(module, session);
   bind_loops(module, session);
 }

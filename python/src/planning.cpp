@@ -20,13 +20,6 @@ namespace {
 
 using FieldPtr = std::shared_ptr<DistanceField>;
 
-/// E.g. "3 x 1 x 7".
-std::string text_of(const std::vector<py::ssize_t>& shape) {
-  std::string text;
-  for (const py::ssize_t size : shape) text += (text.empty() ? "" : " x ") + std::to_string(size);
-  return text;
-}
-
 /// A cost that a Python class says: a subclass of sidestep.Cost.
 class PythonCost final : public StateCost {
  public:
@@ -70,8 +63,8 @@ class PythonCost final : public StateCost {
     const Doubles array = doubles_of(items[item], what);
     const std::vector<py::ssize_t> got(array.shape(), array.shape() + array.ndim());
     if (got != shape) {
-      throw py::value_error(std::string(what) + " have to be " + text_of(shape) + ", and are " +
-                            text_of(got));
+      throw py::value_error(std::string(what) + " have to be " + shape_text(shape) + ", and are " +
+                            shape_text(got));
     }
     std::copy_n(array.data(), into.size(), into.data());
   }
@@ -118,12 +111,7 @@ class PythonOptimiser final : public Optimiser {
 
 PluginPtr<Optimiser> make_optimiser(const SessionPtr& session, const RobotPtr& robot,
                                     const py::object& value, const char* key) {
-  if (value.is_none()) return nullptr;
-  if (py::hasattr(value, "solve")) {
-    return made_of<Optimiser, PythonOptimiser>(value, "optimiser");
-  }
-  const Node node = block_of(value, key);
-  return unlocked(key, [&] { return session->host().create<Optimiser>(node, robot); });
+  return part_of<Optimiser, PythonOptimiser>(session, robot, value, key, "optimiser", "solve");
 }
 
 PlanningSettings planning_of(const py::object& value, const RobotModel& robot) {

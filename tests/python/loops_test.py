@@ -1,9 +1,13 @@
-"""Closed loops that are stepped here, of a disc that goes where it is told to."""
+"""Closed loops that are stepped here: a disc that goes where it is told to, and a head that turns so."""
 
+import gc
+import threading
 import unittest
 
 import numpy as np
 import sidestep
+
+import world
 
 SESSION = sidestep.Session()
 RADIUS_M = 0.2
@@ -150,6 +154,417 @@ class Loops(unittest.TestCase):
             SESSION.loop(DISC, Disc(), "gp_chain", [4.0, 0.0], replanner={"replan_periods": 1})
         with self.assertRaisesRegex(ValueError, "goal has to have 2 values"):
             SESSION.loop(DISC, Disc(), "gp_chain", [4.0])
+
+
+EMPTY = scene_of().field([-1, -2, 0], [5, 2, 2])
+PERSON_RADIUS_M = 0.25
+
+
+def walker(position_m, velocity_mps=(0.0, 0.0), stamp_s=0.0, number=7, **more):
+    return sidestep.Track(number, position_m, velocity_mps, PERSON_RADIUS_M, 1.8, stamp_s, **more)
+
+
+class Straight(sidestep.Predictor):
+    """Whoever is tracked keeps the velocity; what is not known of that makes sets wider."""
+
+    noise = 0.1
+
+    def predict(self, request):
+        self.request = request
+        return [self.set_of(track, request.horizon_s) for track in request.tracks]
+
+    def set_of(self, track, horizon_s):
+        times_s = np.append(np.arange(0, horizon_s - 1e-9, 0.25), horizon_s)
+        # Of a position that begins apart from its velocity, under white noise.
+        place, speed = track.covariance[0, 0], track.covariance[2, 2]
+        sigmas_m = np.sqrt(place + times_s ** 2 * speed + self.noise ** 2 * times_s ** 3 / 3)
+        return sidestep.PredictedSet(track, times_s,
+                                     track.position_m + times_s[:, None] * track.velocity_mps,
+                                     track.radius_m + sigmas_m)
+
+
+class Predictors(unittest.TestCase):
+    def loop_of(self, predictor, disc=None, **more):
+        return SESSION.loop(DISC, disc or Disc(), "gp_chain", [4.0, 0.0], planning=PLANNING,
+                            predictor=predictor, **more)
+
+    def test_written_in_python_say_what_the_built_in_one_says(self):
+        tracks = [walker([2.0, -1.0], [0.3, 0.4], covariance=np.diag([0.01, 0.01, 0.004, 0.004])),
+                  walker([3.0, 1.0], number=3, bottom_m=0.1)]
+        seen = sidestep.Snapshot(EMPTY, tracks)
+        self.assertEqual([track.id for track in seen.tracks], [3, 7])
+        straight = Straight()
+        loops = [self.loop_of(straight),
+                 self.loop_of({"plugin": "constant_velocity", "max_growth_m": 100.0})]
+        for loop in loops:
+            self.assertIsNone(loop.prediction)
+            loop.step(0.0, seen)
+        mine, built_in = (loop.prediction for loop in loops)
+        self.assertEqual([s.track for s in mine], [3, 7])
+        for one, other in zip(mine, built_in):
+            self.assertEqual((one.track, one.bottom_m, one.top_m, one.likelihood),
+                             (other.track, other.bottom_m, other.top_m, other.likelihood))
+            self.assertEqual(one.knots.shape, (25, 4))
+            np.testing.assert_allclose(one.knots, other.knots, atol=1e-9)
+        np.testing.assert_allclose(mine[1].knots[4, :3], [1.0, 2.3, -0.6], atol=1e-12)
+        request = straight.request
+        self.assertEqual((request.stamp_s, request.horizon_s), (0.0, 6.0))
+        position_m, velocity_mps, radius_m = request.robot
+        del loops, loop, seen
+        gc.collect()
+        np.testing.assert_array_equal([*position_m, *velocity_mps], np.zeros(4))
+        self.assertAlmostEqual(radius_m, RADIUS_M)
+        # What it was asked is its own, and outlives the loop; views outlive what they are of.
+        np.testing.assert_array_equal(request.field.distance([[1.0, 0, 1]]),
+                                      EMPTY.distance([[1.0, 0, 1]]))
+        at_m = request.tracks[1].position_m
+        del request, straight.request
+        gc.collect()
+        np.testing.assert_array_equal(at_m, [2.0, -1.0])
+        with self.assertRaises(ValueError):
+            at_m[0] = 0.0
+
+    def least_gap_m(self, predictor):
+        """Of a disc to somebody who crosses its way and is in no field."""
+        disc, least_m = Disc(), np.inf
+        loop = self.loop_of(predictor, disc, sampler="rrt_connect")
+        for k in range(600):
+            disc.now_s = k * STEP_S
+            at_m = np.array([2.0, -1.6 + 0.4 * disc.now_s])
+            seen = None
+            if k % 5 == 0:
+                field = scene_of().field([-1, -2, 0], [5, 2, 2], disc.now_s)
+                seen = sidestep.Snapshot(field, [walker(at_m, [0.0, 0.4], disc.now_s)])
+            loop.step(disc.now_s, seen)
+            least_m = min(least_m, np.linalg.norm(disc.state()[0] - at_m)
+                          - RADIUS_M - PERSON_RADIUS_M)
+        return least_m
+
+    def test_are_kept_clear_of(self):
+        self.assertGreater(self.least_gap_m(Straight()), 0.0)
+        self.assertLess(self.least_gap_m(None), 0.0)  # somebody really is in the way
+
+    def test_that_answer_amiss_are_named_and_the_worst_is_assumed(self):
+        def of(**change):
+            knots = {"times_s": [0.0, 6.0], "centres_m": np.zeros((2, 2)), "radii_m": [0.3, 0.3],
+                     **change}
+            return lambda request: [sidestep.PredictedSet(request.tracks[0], **knots)]
+
+        def threw(request):
+            raise KeyError("no such model")
+
+        other = sidestep.PredictedSet(walker([0.0, 0.0], number=9), [0.0, 6.0], np.zeros((2, 2)),
+                                      [1.0, 1.0])
+        cases = (
+            (threw, "KeyError: 'no such model'(.|\n)*predict"),
+            (lambda request: None, r"predict\(\) has to return PredictedSets, and returns NoneType"),
+            (lambda request: 3.0, r"predict\(\) has to return PredictedSets, and returns float"),
+            (lambda request: [1], r"predict\(\) has to return PredictedSets, and returns int"),
+            (lambda request: [], r"predict\(\): track 7 has no set"),
+            (lambda request: of()(request) + [other], r"predict\(\): .*track 9 is of none"),
+            (lambda request: 2 * of()(request), r"predict\(\): the likelihoods of track 7 sum to 2"),
+            (of(times_s=[0.5, 6.0]), r"predict\(\): .*track 7 begins late"),
+            (of(times_s=[0.0, 5.0]), r"predict\(\): .*track 7 ends after 5 s"),
+            (of(times_s=[6.0, 0.0]), r"predict\(\): .*track 7"),
+            (of(radii_m=[0.3, np.nan]), r"predict\(\): .*track 7"),
+            (of(radii_m=[0.3, -0.1]), r"predict\(\): .*track 7"),
+            (of(centres_m=[[0.0, np.inf], [0.0, 0.0]]), r"predict\(\): .*track 7"),
+            (of(likelihood=0.0), r"predict\(\): .*track 7"),
+            (of(radii_m=[0.3]), r"have to be n, n x 2 and n, and are 2, 2 x 2 and 1(.|\n)*predict"),
+            (of(centres_m=np.zeros((2, 3))), "are 2, 2 x 3 and 2(.|\n)*predict"),
+            (of(radii_m=["a", "b"]), "TypeError(.|\n)*predict"))
+        for answer, said in cases:
+            class Odd(sidestep.Predictor):
+                def predict(self, request, answer=answer):
+                    return answer(request)
+
+            disc = Disc()
+            loop = self.loop_of(Odd(), disc)
+            with self.subTest(said):
+                with self.assertRaisesRegex(sidestep.Error, "predictor Odd(.|\n)*" + said) as caught:
+                    loop.step(0.0, sidestep.Snapshot(EMPTY, [walker([2.0, 1.5])]))
+                self.assertIn(caught.exception.code, ("plugin", "invalid_argument"))
+                # Whoever is tracked may have walked anywhere at 1.6 m/s.
+                np.testing.assert_allclose(
+                    loop.prediction[0].knots[[0, -1]],
+                    [[0, 2.0, 1.5, PERSON_RADIUS_M], [6, 2.0, 1.5, PERSON_RADIUS_M + 9.6]],
+                    atol=1e-9)
+                disc.now_s = STEP_S
+                loop.step(STEP_S)  # it goes on
+
+    def test_get_the_tracks_that_they_need(self):
+        with self.assertRaisesRegex(sidestep.Error, 'predictor Straight has no tracks.*"apart"'):
+            self.loop_of(Straight()).step(0.0, EMPTY)
+        with self.assertRaisesRegex(AttributeError, "subject"):
+            self.loop_of(type("Half", (), {"predict": None})())
+        odd = Straight()
+        odd.subject = "all"
+        with self.assertRaisesRegex(ValueError, "subject has to be"):
+            self.loop_of(odd)
+        with self.assertRaisesRegex(sidestep.Error, "no predictor plugin 'constant_speed'"):
+            self.loop_of("constant_speed")
+        with self.assertRaisesRegex(sidestep.Error, "track 7"):
+            sidestep.Snapshot(EMPTY, [walker([np.nan, 0.0])])
+
+        class Nobody(sidestep.Predictor):
+            subject = "things"
+
+            def predict(self, request):
+                return []
+
+        loop = self.loop_of(Nobody())  # it needs none
+        loop.step(0.0, EMPTY)
+        self.assertEqual(loop.prediction, [])
+
+    def test_that_hang_have_the_robot_stopped_meanwhile(self):
+        class Stopping(Disc):
+            def __init__(self):
+                super().__init__()
+                self.stopped, self.by = threading.Event(), None
+
+            def stop(self):
+                self.by = threading.current_thread()
+                self.stopped.set()
+
+        class Waiting(Straight):
+            def predict(self, request):
+                self.is_over = disc.stopped.wait(60.0)
+                return super().predict(request)
+
+        disc, waiting = Stopping(), Waiting()
+        loop = self.loop_of(waiting, disc, wall_clock=True)
+        loop.step(0.0, sidestep.Snapshot(EMPTY, [walker([2.0, 1.5])]))
+        self.assertTrue(waiting.is_over)
+        self.assertIsNot(disc.by, threading.main_thread())
+        del loop  # whoever watched goes with it
+
+    def test_cannot_step_their_loop(self):
+        class Eager(Straight):
+            def predict(self, request):
+                self.loop.step(0.1)
+
+        eager = Eager()
+        eager.loop = self.loop_of(eager)
+        with self.assertRaisesRegex(sidestep.Error, "predictor Eager.*cannot be stepped by its own"):
+            eager.loop.step(0.0, sidestep.Snapshot(EMPTY, [walker([2.0, 1.5])]))
+
+
+class Tracking(unittest.TestCase):
+    def walk(self, motion):
+        """Somebody crosses the view of a camera at 0.8 m/s; the map afterwards, and where they are."""
+        seen = SESSION.map(world.MAPPER, world.FIELD, motion=motion)
+        self.assertIsNone(seen.snapshot)
+        for k in range(26):
+            at_m = np.array([2.0, -1.0 + 0.08 * k])
+            depth_m = world.depth_of(world.T_WORLD_CAMERA, at_m, PERSON_RADIUS_M, wall_m=3.9)
+            field = seen.integrate(world.frame(depth_m, 0.1 * k))
+        self.assertEqual(field.sequence, seen.snapshot.field.sequence)
+        np.testing.assert_array_equal(seen.snapshot.T_world_camera, world.T_WORLD_CAMERA)
+        return seen.snapshot, at_m
+
+    def test_is_done_as_far_as_asked_for(self):
+        for motion, has_moving, has_tracks in (("ignored", False, False), ("detected", True, False),
+                                               ("tracked", True, True), ("apart", True, True)):
+            with self.subTest(motion):
+                snapshot, at_m = self.walk(motion)
+                self.assertEqual(snapshot.moving is not None, has_moving)
+                self.assertEqual(snapshot.tracks is not None, has_tracks)
+                if has_moving:
+                    gaps_m = np.linalg.norm(snapshot.moving[:, :2] - at_m, axis=1)
+                    self.assertLess(gaps_m.min(), 0.5)
+                if has_tracks:
+                    track, = snapshot.tracks
+                    np.testing.assert_allclose(track.position_m, at_m, atol=0.15)
+                    np.testing.assert_allclose(track.velocity_mps, [0.0, 0.8], atol=0.2)
+                    self.assertEqual(track.last_seen_s, 2.5)
+                # Their front is in the field, unless they are left out of it.
+                front_m = float(snapshot.field.distance([[at_m[0] - 0.25, at_m[1], 1.0]])[0])
+                if motion == "apart":
+                    self.assertGreater(front_m, 0.3)
+                else:
+                    self.assertLess(front_m, 0.1)
+
+    def test_needs_what_goes_with_it(self):
+        apart, _ = self.walk("apart")
+        for predictor in (None, "none"):
+            loop = SESSION.loop(DISC, Disc(), "gp_chain", [4.0, 0.0], predictor=predictor)
+            with self.assertRaisesRegex(sidestep.Error, "not in this map's field"):
+                loop.step(2.5, apart)
+        for replanner in ({"obstacle_speed_mps": 1.0}, {"safety": "ssm"}):
+            loop = SESSION.loop(DISC, Disc(), "gp_chain", [4.0, 0.0], replanner=replanner)
+            with self.assertRaisesRegex(sidestep.Error, 'not tell what moves.*"detected"'):
+                loop.step(0.0, EMPTY)
+            loop.step(2.5, self.walk("tracked")[0])
+        with self.assertRaisesRegex(ValueError, '"apart"'):
+            SESSION.map(world.MAPPER, world.FIELD, motion="none")
+
+
+HSR = SESSION.robot("hsr")
+STANDING = HSR.configuration({"pose": "drive", "joints": dict.fromkeys(
+    ["odom_x", "odom_y", "odom_t"], 0.0)})
+
+
+def rotation(axis, angle_rad):
+    """About a unit vector (Rodrigues), 4 x 4."""
+    x, y, z = axis
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    turned = np.eye(4)
+    turned[:3, :3] += np.sin(angle_rad) * cross + (1 - np.cos(angle_rad)) * cross @ cross
+    return turned
+
+
+def camera_of_hsr(pan_rad, tilt_rad):
+    """By the joints of its URDF: pan about z, then, 20 mm ahead, tilt about -y."""
+    poses = HSR.link_poses(STANDING)
+    torso, tilt, camera = (poses[HSR.links.index(name)] for name in (
+        "torso_lift_link", "head_tilt_link", "head_rgbd_sensor_link"))
+    ahead = np.eye(4)
+    ahead[0, 3] = 0.02
+    return (torso @ rotation([0, 0, 1], pan_rad) @ ahead @ rotation([0, -1, 0], tilt_rad)
+            @ np.linalg.inv(tilt) @ camera)
+
+
+class Stands(sidestep.Executor):
+    """A robot that stands, and turns its head as told."""
+
+    def __init__(self):
+        self.now_s, self.angles, self.turns = 0.0, (0.0, -0.3), 0
+
+    def current(self):
+        return STANDING, np.zeros(HSR.dof), self.now_s
+
+    def follow(self, trajectory, start_s):
+        raise AssertionError("it is at its goal")
+
+    def stop(self):
+        pass
+
+    def head(self):
+        return self.angles
+
+    def turn_head(self, pan_rad, tilt_rad):
+        self.angles, self.turns = (pan_rad, tilt_rad), self.turns + 1
+
+
+class Gazes(unittest.TestCase):
+    AT_M = np.array([0.3, 1.6])  # beside the robot, where its camera does not look
+    MAPPER = dict(world.MAPPER, origin_m=[-2.5, -2.5, 0.0])
+
+    def loop_of(self, robot, gaze, **more):
+        return SESSION.loop(HSR, robot, "gp_chain", STANDING, planning={"unknown": "free"}, gaze=gaze,
+                            **more)
+
+    def look_around(self, gaze, motion="ignored"):
+        """For two seconds, with images from where the head is; the robot, and how many voxels of the
+        person are in the map."""
+        robot, seen = Stands(), SESSION.map(self.MAPPER, world.FIELD, motion=motion)
+        loop = self.loop_of(robot, gaze)
+        for k in range(20):
+            robot.now_s = 0.1 * k
+            T_world_camera = camera_of_hsr(*robot.angles)
+            depth_m = world.depth_of(T_world_camera, self.AT_M, PERSON_RADIUS_M)
+            seen.integrate(sidestep.Frame(depth_m, world.CAMERA, T_world_camera, robot.now_s))
+            loop.step(robot.now_s, seen.snapshot)
+        occupied = np.argwhere(seen.occupied())
+        centres_m = np.array(self.MAPPER["origin_m"]) + 0.05 * (occupied + 0.5)
+        of_person = (np.hypot(*(centres_m[:, :2] - self.AT_M).T) < PERSON_RADIUS_M + 0.1) & (
+            centres_m[:, 2] > 0.3)
+        return robot, np.count_nonzero(of_person)
+
+    def test_written_in_python_turn_the_head_and_show_who_stands_there(self):
+        class Listening(sidestep.Gaze):
+            """Looks at who spoke."""
+
+            def look(self, request):
+                self.request, self.at = request, request.at
+                self.may, self.snapshot = request.may(*request.rest), request.snapshot
+                self.camera = request.T_world_camera(0.4, -0.1)
+                self.q = request.q
+                return request.towards([*Gazes.AT_M, 1.2])
+
+        gaze = Listening()
+        robot, voxels = self.look_around(gaze)
+        self.assertGreater(voxels, 20)
+        self.assertEqual(robot.turns, 2)  # told once more after a second
+        # The middle of the image is where the gaze wanted it.
+        x, y, z, _ = np.linalg.inv(camera_of_hsr(*robot.angles)) @ [*self.AT_M, 1.2, 1.0]
+        self.assertGreater(z, 1.0)
+        np.testing.assert_allclose([x / z, y / z], [0.0, 0.0], atol=1e-6)
+        np.testing.assert_allclose(gaze.camera, camera_of_hsr(0.4, -0.1), atol=1e-9)
+        self.assertEqual(gaze.at, robot.angles)
+        self.assertIs(gaze.may, True)
+        np.testing.assert_array_equal(gaze.q, STANDING)
+        self.assertAlmostEqual(gaze.snapshot.field.stamp_s, 1.9)
+        with self.assertRaisesRegex(RuntimeError, "over when look"):
+            gaze.request.at  # pylint: disable=pointless-statement
+        # Nobody is seen by a head that rests, whoever has it rest.
+        for gaze in (None, "fixed"):
+            robot, voxels = self.look_around(gaze)
+            self.assertEqual(voxels, 0)
+
+    def test_of_plugins_turn_the_head(self):
+        robot, _ = self.look_around("scan")
+        self.assertGreater(robot.turns, 5)
+        self.assertNotEqual(robot.angles, (0.0, -0.3))
+
+    def test_that_answer_amiss_are_named_and_the_head_stays(self):
+        class Odd(sidestep.Gaze):
+            answer = None
+
+            def look(self, request):
+                if isinstance(self.answer, Exception):
+                    raise self.answer
+                return self.answer
+
+        numbers = r"look\(\) has to return pan and tilt, two numbers, and returns "
+        for answer, said in ((ZeroDivisionError("by nothing"), "by nothing(.|\n)*look"),
+                             (None, numbers + "one number"), ("left", numbers + "none"),
+                             ([0.1], numbers + "1"), ([0.1, 0.2, 0.3], numbers + "3"),
+                             ([[0.1, 0.2]], numbers + "1 x 2"),
+                             ([np.nan, 0.0], numbers + "what is not finite"),
+                             ([0.0, np.inf], numbers + "what is not finite")):
+            robot, gaze = Stands(), Odd()
+            gaze.answer = answer
+            loop = self.loop_of(robot, gaze)
+            with self.subTest(said):
+                with self.assertRaisesRegex(sidestep.Error, "gaze Odd(.|\n)*" + said):
+                    loop.step(0.0, EMPTY)
+                self.assertEqual(robot.turns, 0)
+                gaze.answer, robot.now_s = (0.2, -0.2), 0.1
+                loop.step(0.1)
+                self.assertEqual(robot.angles, (0.2, -0.2))
+
+    def test_need_a_head_that_turns(self):
+        class Stiff(Stands):
+            def turn_head(self, pan_rad, tilt_rad):
+                raise ConnectionError("no neck")
+
+        class Lost(Stands):
+            def head(self):
+                return 0.0
+
+        for robot, said in ((Stiff(), "executor Stiff(.|\n)*no neck"),
+                            (Lost(), r"executor Lost(.|\n)*head\(\) has to return pan and tilt")):
+            with self.subTest(said), self.assertRaisesRegex(sidestep.Error, said):
+                self.loop_of(robot, "scan").step(0.0, EMPTY)
+        with self.assertRaisesRegex(TypeError, r"no head\(\)"):
+            SESSION.loop(DISC, Disc(), "gp_chain", [4.0, 0.0], gaze="scan")
+        with self.assertRaisesRegex(sidestep.Error, "head"):
+            SESSION.loop(DISC, Stands(), "gp_chain", [4.0, 0.0], gaze="scan")
+
+        class Meeting(sidestep.Gaze):
+            wants_tracks = True
+
+        with self.assertRaisesRegex(sidestep.Error, 'gaze Meeting has no tracks.*"tracked"'):
+            self.loop_of(Stands(), Meeting()).step(0.0, EMPTY)
+        # What is raised comes after the step: its events come with the next one.
+        robot, gaze = Stands(), Meeting()
+        gaze.wants_tracks = False
+        loop = self.loop_of(robot, gaze)
+        with self.assertRaisesRegex(sidestep.Error, "gaze Meeting(.|\n)*NotImplementedError"):
+            loop.step(0.0, EMPTY)
+        self.assertEqual(loop.status, "reached")
+        self.assertEqual([event.kind for event in loop.step(0.05)], ["reached"])
 
 
 if __name__ == "__main__":

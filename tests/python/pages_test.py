@@ -2,6 +2,7 @@
 
 import ast
 import json
+import os
 import pathlib
 import re
 import shutil
@@ -55,7 +56,7 @@ class Stubs(unittest.TestCase):
 
     def test_say_what_the_module_has(self):
         public = {name for name in vars(_core) if not name.startswith("_")}
-        self.assertEqual(public, set(self.STUBS))
+        self.assertEqual(public | {"__version__"}, set(self.STUBS))
         for name, said in self.STUBS.items():
             thing = getattr(_core, name)
             if name == "Error" or said is None:
@@ -78,6 +79,30 @@ class Stubs(unittest.TestCase):
             self.assertIs(getattr(sidestep, name), getattr(_core, name))
             if isinstance(getattr(_core, name), type):
                 self.assertTrue(getattr(_core, name).__doc__, name)
+
+
+class Module(unittest.TestCase):
+    def test_refuses_a_library_of_another_version(self):
+        with tempfile.TemporaryDirectory() as folder:
+            package = pathlib.Path(folder) / "sidestep"
+            shutil.copytree(pathlib.Path(sidestep.__file__).parent, package)
+            core = package / pathlib.Path(_core.__file__).name
+            own = b"sidestep module " + sidestep.__version__.encode() + b"\0"
+            self.assertEqual(core.read_bytes().count(own), 1)
+
+            def said():
+                return subprocess.run(
+                    [sys.executable, "-c", "import sidestep; print(sidestep.__file__)"],
+                    env={**os.environ, "PYTHONPATH": folder}, capture_output=True, text=True,
+                    timeout=120, check=False)
+
+            self.assertIn(folder, said().stdout)
+            other = own.replace(sidestep.__version__.encode(),
+                                b"9" + sidestep.__version__.encode()[1:])
+            core.write_bytes(core.read_bytes().replace(own, other))
+            self.assertRegex(said().stderr,
+                             r"ImportError: the module sidestep is of version 9\.\S+, the "
+                             rf"library .* of {re.escape(sidestep.__version__)}")
 
 
 class Pages(unittest.TestCase):

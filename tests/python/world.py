@@ -24,6 +24,25 @@ def depth_of_pillar(ahead_m=1.525, behind_m=4.1):
     return depth_m
 
 
+def depth_of(T_world_camera, person_m, radius_m, wall_m=0.0):
+    """The floor and somebody on it, who is taller than the image; and a wall at that x."""
+    u, v = np.meshgrid(np.arange(CAMERA.width_px), np.arange(CAMERA.height_px))
+    rays = np.stack([(u - CAMERA.cx_px) / CAMERA.fx_px, (v - CAMERA.cy_px) / CAMERA.fy_px,
+                     np.ones(u.shape)], -1) @ T_world_camera[:3, :3].T
+    eye_m = T_world_camera[:3, 3]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        floor_m = np.where(rays[..., 2] < 0, -eye_m[2] / rays[..., 2], np.inf)
+        behind_m = np.where((rays[..., 0] > 0) & (wall_m > 0),
+                            (wall_m - eye_m[0]) / rays[..., 0], np.inf)
+        # |eye + t ray - person| = radius, seen from above.
+        a = (rays[..., :2] ** 2).sum(-1)
+        b = rays[..., :2] @ (eye_m[:2] - person_m)
+        under = b ** 2 - a * (((eye_m[:2] - person_m) ** 2).sum() - radius_m ** 2)
+        at_m = np.where((under > 0) & (b < 0), (-b - np.sqrt(np.maximum(under, 0))) / a, np.inf)
+    depth_m = np.minimum(np.minimum(floor_m, behind_m), at_m)
+    return np.where(depth_m < 5.0, depth_m, 0.0).astype(np.float32)
+
+
 def frame(depth_m, stamp_s=0.0):
     return sidestep.Frame(depth_m, CAMERA, T_WORLD_CAMERA, stamp_s)
 
