@@ -149,6 +149,7 @@ py::object called(const py::object& self, const char* method, Arguments&&... arg
   try {
     return self.attr(method)(std::forward<Arguments>(arguments)...);
   } catch (const py::error_already_set& error) {
+    (void)error.what();  // kept, since to put it into words would use up the interrupt
     if (error.matches(PyExc_KeyboardInterrupt)) PyErr_SetInterrupt();
     throw;
   }

@@ -2,6 +2,7 @@
 
 import gc
 import threading
+import time
 import unittest
 
 import numpy as np
@@ -337,6 +338,18 @@ class Predictors(unittest.TestCase):
         self.assertTrue(waiting.is_over)
         self.assertIsNot(disc.by, threading.main_thread())
         del loop  # whoever watched goes with it
+
+    def test_pass_on_an_interrupt(self):
+        class Interrupted(Straight):
+            def predict(self, request):
+                raise KeyboardInterrupt
+
+        loop = self.loop_of(Interrupted())
+        with self.assertRaises(KeyboardInterrupt):
+            with self.assertRaisesRegex(sidestep.Error, "predictor Interrupted.*KeyboardInterrupt"):
+                loop.step(0.0, sidestep.Snapshot(EMPTY, [walker([2.0, 1.5])]))
+            for _ in range(1000):
+                time.sleep(0)
 
     def test_cannot_step_their_loop(self):
         class Eager(Straight):
