@@ -41,6 +41,8 @@ if [ "${1:-}" = "--dev" ]; then
   packages+=(python3-rosbag python3-std-msgs python3-sensor-msgs python3-tf2-msgs)
   packages+=(python3-visualization-msgs python3-trajectory-msgs python3-yaml)
   packages+=(slurm-wlm)  # with which a test has a cluster do a sweep
+  packages+=(python3-sphinx furo python3-myst-parser python3-breathe doxygen)  # the site of the documentation
+  packages+=(ffmpeg)  # its films
   # the Python module, and what sidestep.results needs
   packages+=(python3-dev pybind11-dev python3-numpy python3-pandas python3-matplotlib)
 elif [ $# -gt 0 ]; then
