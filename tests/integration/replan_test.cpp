@@ -77,6 +77,59 @@ TEST_F(ReplanTest, GoesAroundWhatCrossesItsWay) {
   }
 }
 
+TEST_F(ReplanTest, ShardsTogetherAreTheWholeRun) {
+  const std::vector<std::string> three = {"experiment.episodes=3", "experiment.first_episode=1"};
+  ASSERT_EQ(run_it("whole", three).exit_code, 0);
+  const auto at = [&](const std::string& out) { return (folder_.path() / out).string(); };
+  for (const std::string i : {"1", "2"}) {
+    const Finished shard = run_it("", three, {"--out", at("shard" + i), "--shard", i + "/2"});
+    ASSERT_EQ(shard.exit_code, 0) << shard.error;
+    EXPECT_THAT(shard.out, HasSubstr("Shard " + i + "/2: Success"));
+  }
+  EXPECT_EQ(summary("shard1")["episodes"], 2);
+  EXPECT_EQ(summary("shard2")["episodes"], 1);
+  const Finished merged = run({"report", at("shard2"), at("shard1"), "--merged", at("merged")});
+  ASSERT_EQ(merged.exit_code, 0) << merged.error;
+  EXPECT_EQ(timeless("merged"), timeless("whole"));
+  for (const char* file : {"report.html", "effective_config.yaml", "episode-1-above.png"}) {
+    EXPECT_TRUE(fs::exists(folder_.path() / "merged" / file)) << file;
+  }
+  // The whole can be made from two processes, too, and one shard alone is not it.
+  ASSERT_EQ(run_it("", three, {"--out", at("jobs"), "--jobs", "2"}).exit_code, 0);
+  EXPECT_EQ(timeless("jobs"), timeless("whole"));
+  const Finished lacking = run({"report", at("shard1"), "--merged", at("lacking")});
+  EXPECT_EQ(lacking.exit_code, 1);
+  EXPECT_THAT(lacking.out, HasSubstr("of 3 episodes, only 2 were run"));
+}
+
+TEST_F(ReplanTest, ShardsOfOtherRunsAreRefused) {
+  const auto at = [&](const std::string& out) { return (folder_.path() / out).string(); };
+  const auto shard = [&](const std::string& out, const std::string& which, const std::string& seed,
+                         const std::string& first) {
+    return run_it("",
+                  {"experiment.episodes=2", "experiment.seed=" + seed,
+                   "experiment.first_episode=" + first},
+                  {"--out", at(out), "--shard", which})
+        .exit_code;
+  };
+  ASSERT_EQ(shard("a", "1/2", "1", "0"), 0);
+  ASSERT_EQ(shard("b", "2/2", "2", "0"), 0);
+  ASSERT_EQ(shard("c", "2/2", "1", "5"), 0);
+  const auto why = [&](const std::string& other) {
+    const Finished merged = run({"report", at("a"), at(other), "--merged", at("merged")});
+    EXPECT_EQ(merged.exit_code, 2);
+    return merged.error;
+  };
+  EXPECT_THAT(why("b"), HasSubstr("`seed: 1` there, `seed: 2` here"));
+  EXPECT_THAT(why("c"), HasSubstr("shard is of other episodes than the first"));
+  EXPECT_THAT(why("a"), HasSubstr("shard 1/2 is there twice"));
+  const Finished resumed =
+      run_it("", {"experiment.episodes=2", "experiment.seed=1"}, {"--resume", at("a")});
+  EXPECT_EQ(resumed.exit_code, 2);
+  EXPECT_THAT(resumed.error, HasSubstr("is shard 1/2"));
+  EXPECT_EQ(shard("d", "1/3", "1", "0"), 2) << "there are two episodes";
+}
+
 TEST_F(ReplanTest, KeepsClearOfWhatItsPredictorKnows) {
   const Finished finished = run_it("run", {"predictor={plugin: truth}"});
   ASSERT_EQ(finished.exit_code, 0) << finished.error << finished.out;

@@ -104,7 +104,7 @@ std::string shard_name(const Shard& shard) {
 }
 
 Result<void> check_same_run(const DividedRun& earlier, const DividedRun& here,
-                            const std::string& file) {
+                            const std::string& file, bool any_build) {
   if (const std::string other = difference(earlier.identity, here.identity); !other.empty()) {
     return fail(ErrorCode::kConfig, "the run to resume is another one: " + other, file,
                 "resume it with the configuration and overrides it began with");
@@ -113,7 +113,7 @@ Result<void> check_same_run(const DividedRun& earlier, const DividedRun& here,
     return fail(ErrorCode::kConfig, "the run to resume is shard " + shard_name(earlier.shard), file,
                 "resume it with the same --shard");
   }
-  if (earlier.provenance.git_hash != here.provenance.git_hash) {
+  if (!any_build && earlier.provenance.git_hash != here.provenance.git_hash) {
     return fail(ErrorCode::kConfig,
                 "the run to resume was made by another build, " + earlier.provenance.git_hash +
                     "; this one is " + here.provenance.git_hash,

@@ -141,6 +141,26 @@ Result<void> ResultsStore::add(std::string_view series, std::int64_t item, std::
   return impl_->database.run(query);
 }
 
+Result<void> ResultsStore::absorb(const std::filesystem::path& file, std::string_view but_series) {
+  const SqliteDatabase& database = impl_->database;
+  SIDESTEP_TRY(ResultsReader::open(file));  // else SQLite would make an empty one
+  const auto run = [&](const char* sql, std::string_view parameter) -> Result<void> {
+    const SqliteStatement statement = SIDESTEP_TRY(database.prepare(sql, kNotOurs));
+    SqliteQuery query(statement);
+    query.bind(parameter);
+    return database.run(query);
+  };
+  SIDESTEP_TRY(database.execute("COMMIT"));
+  SIDESTEP_TRY(run("ATTACH ? AS other", file.native()));
+  SIDESTEP_TRY(database.execute("BEGIN"));
+  for (const char* sql :
+       {"INSERT OR REPLACE INTO measurements SELECT * FROM other.measurements WHERE series <> ?",
+        "INSERT OR REPLACE INTO arrays SELECT * FROM other.arrays WHERE series <> ?"}) {
+    SIDESTEP_TRY(run(sql, but_series));
+  }
+  return database.execute("COMMIT; DETACH other; BEGIN");
+}
+
 Result<void> ResultsStore::commit() { return impl_->database.execute("COMMIT; BEGIN;"); }
 
 struct ResultsReader::Impl {
@@ -235,8 +255,9 @@ Result<std::optional<StoredArray>> ResultsReader::array(std::string_view series,
   array.rows = static_cast<int>(query.integer(0));
   array.columns = static_cast<int>(query.integer(1));
   array.values = query.floats(2);
-  if (array.values.size() !=
-      static_cast<std::size_t>(array.rows) * static_cast<std::size_t>(array.columns)) {
+  if (array.rows < 0 || array.columns < 0 ||
+      array.values.size() !=
+          static_cast<std::size_t>(array.rows) * static_cast<std::size_t>(array.columns)) {
     return fail(ErrorCode::kIo, "an array is damaged", impl_->database.file());
   }
   return array;

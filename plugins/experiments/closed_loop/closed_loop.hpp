@@ -349,30 +349,26 @@ class LoopExperiment : public Experiment {
 void check_loop_names(const Configuration& configuration, const RobotDescription& robot,
                       std::vector<Error>& errors);
 
-/// What a run of a closed loop is, beyond its rows.
-struct ReplanFacts {
-  RunProvenance provenance;
-  std::string experiment = "replan";  ///< Its type.
-  report::Json about;                 ///< With what clock, robot, limits and optimiser it is run.
-  int planned_episodes = 0;           ///< 0: as many as there are.
-  /// The command that runs it again, up to which of its episodes; empty where none can be run by
-  /// itself.
-  std::string again;
+/// How a run of a closed loop ended.
+struct LoopEnd {
   bool interrupted = false;
   std::optional<Error> fault;  ///< That ended it early.
 };
 
+/// The head of a run. `identity`: of one whose episodes can be run again; empty where they cannot.
+[[nodiscard]] ReplanHead replan_head(const ExperimentContext& context,
+                                     const ReplanConfiguration& settings,
+                                     const RobotDescription& robot, const std::string& identity);
+
 /// Does the work with a recorder of the run's results store, new or gone on with, and concludes
 /// from what it committed, even where it failed. Fails with that where there is not one episode.
-/// `planned_episodes` as in ReplanFacts. `identity`: of a run whose episodes can be run again, kept
-/// in a new store (record_replan_run()); empty where they cannot.
 [[nodiscard]] Result<ExperimentOutcome> run_loop(
-    const ExperimentContext& context, const ReplanConfiguration& settings,
-    const RobotDescription& robot, int planned_episodes, const std::string& identity,
+    const ExperimentContext& context, const std::string& experiment, const ReplanHead& head,
     const std::function<Result<void>(Recorder& recorder)>& work);
 
-/// Verdict, summary.json and table of a finished (or interrupted) run.
-[[nodiscard]] ExperimentOutcome summarise_replan(const ReplanFacts& facts, const ReplanRows& rows);
+/// Verdict, summary.json and table of a finished (or interrupted) run of that type.
+[[nodiscard]] ExperimentOutcome summarise_replan(const std::string& experiment,
+                                                 const ReplanRows& rows, const LoopEnd& end = {});
 
 /// Result of a run: keys of summary.json, and how they are shown.
 [[nodiscard]] const report::ResultColumnsOf<ReplanRows>& replan_metrics();

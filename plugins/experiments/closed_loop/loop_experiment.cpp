@@ -153,13 +153,13 @@ Json collisions_of(const ReplanRows& rows) {
   return list;
 }
 
-Json failures_of(const ReplanFacts& facts, const ReplanRows& rows) {
+Json failures_of(const ReplanRows& rows) {
   Json list = Json::array();
   for (const EpisodeRow& episode : rows.episodes) {
     if (episode.success) continue;
     Json failure = {{"episode", episode.episode}, {"reason", episode.reason}};
-    if (!facts.again.empty()) {
-      failure["again"] = facts.again +
+    if (!rows.head.again.empty()) {
+      failure["again"] = rows.head.again +
                          " --set experiment.first_episode=" + std::to_string(episode.episode) +
                          " --set experiment.episodes=1";
     }
@@ -210,7 +210,13 @@ std::string table_text(const ReplanRows& rows) {
   return text;
 }
 
-std::string verdict_text(const ReplanFacts& facts, const ReplanRows& rows, const Json& metrics) {
+/// Of the run's episodes, those that are planned in its shard; 0: as many as there are.
+std::int64_t planned_episodes(const ReplanHead& head) {
+  const Shard& shard = head.shard;
+  return (head.episodes + shard.count - 1 - shard.index) / shard.count;
+}
+
+std::string verdict_text(const ReplanRows& rows, const LoopEnd& end, const Json& metrics) {
   const auto done = rows.episodes.size();
   const auto successes = std::ranges::count(rows.episodes, true, &EpisodeRow::success);
   std::string count = std::to_string(successes) + " of " + std::to_string(done) +
@@ -219,17 +225,21 @@ std::string verdict_text(const ReplanFacts& facts, const ReplanRows& rows, const
   const Json& by_others = at(metrics, "/contacts_by_others");
   if (by_others.is_number() && by_others != 0)
     count += ", walked into " + cell(by_others) + " times";
-  if (facts.fault) return "Ended early: " + facts.fault->describe();
-  if (facts.interrupted) {
-    const std::string planned =
-        facts.planned_episodes > 0 ? " of " + std::to_string(facts.planned_episodes) : "";
+  if (end.fault) return "Ended early: " + end.fault->describe();
+  const std::int64_t all = planned_episodes(rows.head);
+  if (end.interrupted) {
+    const std::string planned = all > 0 ? " of " + std::to_string(all) : "";
     return "Interrupted after " + std::to_string(done) + planned + " episodes: " + count +
            "; they are saved.";
   }
-  std::string text = (static_cast<std::size_t>(successes) == done ? "Success: " : "Failed: ") +
-                     count + "; " + cell(at(metrics, "/replans")) + " replans, " +
-                     cell(at(metrics, "/stops")) + " stops, least true clearance " +
-                     cell(at(metrics, "/min_true_clearance_m"), "%.3f m");
+  const bool lacks_some = std::ssize(rows.episodes) < all;
+  std::string text =
+      (static_cast<std::size_t>(successes) == done && !lacks_some ? "Success: " : "Failed: ") +
+      (lacks_some
+           ? "of " + std::to_string(all) + " episodes, only " + std::to_string(done) + " were run: "
+           : "") +
+      count + "; " + cell(at(metrics, "/replans")) + " replans, " + cell(at(metrics, "/stops")) +
+      " stops, least true clearance " + cell(at(metrics, "/min_true_clearance_m"), "%.3f m");
   if (at(metrics, "/nearest").is_object()) {
     text += ", of " + cell(at(metrics, "/nearest/link")) + " to " +
             cell(at(metrics, "/nearest/object"));
@@ -385,22 +395,28 @@ const report::ResultColumnsOf<ReplanRows>& replan_metrics() {
   return kMetrics;
 }
 
-ExperimentOutcome summarise_replan(const ReplanFacts& facts, const ReplanRows& rows) {
+ExperimentOutcome summarise_replan(const std::string& experiment, const ReplanRows& rows,
+                                   const LoopEnd& end) {
   const Json metrics = replan_metrics().row(rows);
-  const bool all_done = facts.planned_episodes == 0 ||
-                        rows.episodes.size() == static_cast<std::size_t>(facts.planned_episodes);
+  const Shard& shard = rows.head.shard;
+  const std::int64_t all = planned_episodes(rows.head);
+  const bool all_done = rows.head.episodes == 0 || std::ssize(rows.episodes) == all;
   ExperimentOutcome outcome;
-  outcome.interrupted = facts.interrupted;
-  outcome.fault = facts.fault;
-  outcome.success = all_done && !facts.fault && !facts.interrupted &&
+  outcome.interrupted = end.interrupted;
+  outcome.fault = end.fault;
+  outcome.success = all_done && !end.fault && !end.interrupted &&
                     std::ranges::all_of(rows.episodes, &EpisodeRow::success);
-  outcome.verdict = verdict_text(facts, rows, metrics);
+  outcome.verdict = (shard.is_whole() ? "" : "Shard " + shard_name(shard) + ": ") +
+                    verdict_text(rows, end, metrics);
   outcome.table = table_text(rows);
-  Json particulars = facts.about;
+  Json particulars = Json::parse(rows.head.about, nullptr, false);
   particulars.update(metrics);
   particulars["collisions"] = collisions_of(rows);
-  particulars["failures"] = failures_of(facts, rows);
-  outcome.summary_json = summary_text(facts.provenance, facts.experiment, outcome, particulars);
+  particulars["failures"] = failures_of(rows);
+  if (!shard.is_whole()) {
+    particulars["shard"] = {{"index", shard.index + 1}, {"count", shard.count}};
+  }
+  outcome.summary_json = summary_text(rows.head.provenance, experiment, outcome, particulars);
   return outcome;
 }
 
@@ -419,34 +435,37 @@ void check_loop_names(const Configuration& configuration, const RobotDescription
   check_floor(block_of(configuration, "planning"), robot, errors);
 }
 
-Result<ExperimentOutcome> run_loop(const ExperimentContext& context,
-                                   const ReplanConfiguration& settings,
-                                   const RobotDescription& robot, int planned_episodes,
-                                   const std::string& identity,
+ReplanHead replan_head(const ExperimentContext& context, const ReplanConfiguration& settings,
+                       const RobotDescription& robot, const std::string& identity) {
+  ReplanHead head;
+  static_cast<DividedRun&>(head) = {identity, provenance_of(context), context.shard, {}};
+  head.about =
+      Json{{"clock", settings.experiment.clock},
+           {"robot", robot.name},
+           {"limits", limits_of(settings.planning.limits(robot))},
+           {"optimiser", block_of(context.configuration, "optimiser").find("plugin")->text()}}
+          .dump();
+  if (!identity.empty()) head.again = command_again(context.configuration);
+  return head;
+}
+
+Result<ExperimentOutcome> run_loop(const ExperimentContext& context, const std::string& experiment,
+                                   const ReplanHead& head,
                                    const std::function<Result<void>(Recorder& recorder)>& work) {
-  ReplanFacts facts;
-  facts.provenance = provenance_of(context);
-  facts.experiment = settings.experiment.type;
-  facts.about = {
-      {"clock", settings.experiment.clock},
-      {"robot", robot.name},
-      {"limits", limits_of(settings.planning.limits(robot))},
-      {"optimiser", block_of(context.configuration, "optimiser").find("plugin")->text()}};
-  facts.planned_episodes = planned_episodes;
-  if (!identity.empty()) facts.again = command_again(context.configuration);
-  auto store = SIDESTEP_TRY(open_store(context, facts.provenance));
+  auto store = SIDESTEP_TRY(open_store(context, head.provenance));
   Recorder recorder(*store);
-  if (!context.resume) record_replan_run(identity, recorder);
+  record_replan_head(head, recorder);  // Of one that is gone on with, there may be more episodes.
   SIDESTEP_TRY(recorder.commit());
   // Held here, so that episodes before one that cannot be run are kept.
   auto done = catch_all("the closed loop", [&] { return work(recorder); });
   store.reset();
+  LoopEnd end;
   // One without end is ended by a stop, and not interrupted.
-  facts.interrupted = context.stop.stop_requested() && facts.planned_episodes > 0;
+  end.interrupted = context.stop.stop_requested() && head.episodes > 0;
   const auto rows = SIDESTEP_TRY(read_replan_rows(context.out / "results.sqlite"));
   if (!done && rows.episodes.empty()) return error_of(done);
-  if (!done) facts.fault = std::move(done.error());
-  return summarise_replan(facts, rows);
+  if (!done) end.fault = std::move(done.error());
+  return summarise_replan(experiment, rows, end);
 }
 
 }  // namespace sidestep

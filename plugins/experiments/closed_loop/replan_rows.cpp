@@ -164,6 +164,14 @@ constexpr std::size_t kPathEvery = 5;  ///< True states, of 125 Hz.
 
 constexpr const char* kFile = "results.sqlite";
 
+StoredRow<ReplanHead> stored_head() {
+  return StoredRow<ReplanHead>()
+      .add("about", &ReplanHead::about)
+      .add("again", &ReplanHead::again)
+      .add("first_episode", &ReplanHead::first_episode)
+      .add("episodes", &ReplanHead::episodes);
+}
+
 const StoredRow<EventRow>& stored_event() {
   using E = EventRow;
   static const auto kEvent =
@@ -402,8 +410,9 @@ std::vector<Eigen::Vector2d> outline_from_above(const Shape& shape,
   return convex_hull(std::move(points));
 }
 
-void record_replan_run(const std::string& identity, Recorder& recorder) {
-  recorder.add("run", 0, "identity", identity);
+void record_replan_head(const ReplanHead& head, Recorder& recorder) {
+  record_run_head(head, kRunSeries, recorder);
+  stored_head().record(head, kRunSeries, 0, recorder);
 }
 
 void record_episode(const EpisodeRecord& episode, const RobotModel& robot, int pictures,
@@ -433,9 +442,8 @@ Result<ReplanRows> read_replan_rows(const std::filesystem::path& path) {
   auto reader = SIDESTEP_TRY(ResultsReader::open(path));
   const std::string file = path.string();
   ReplanRows rows;
-  auto identity = SIDESTEP_TRY(reader->text("run", 0, "identity"));
-  if (!identity) return fail(ErrorCode::kIo, "holds no replan experiment", file);
-  rows.identity = std::move(*identity);
+  rows.head = SIDESTEP_TRY(stored_head().read(*reader, kRunSeries, 0, file));
+  static_cast<DividedRun&>(rows.head) = SIDESTEP_TRY(read_run_head(*reader, kRunSeries, file));
   auto episodes = SIDESTEP_TRY(stored_episode().read_all(*reader, "episode", file));
   const auto events = SIDESTEP_TRY(stored_event().read_all(*reader, "event", file));
   const auto contacts = SIDESTEP_TRY(stored_contact().read_all(*reader, "contact", file));

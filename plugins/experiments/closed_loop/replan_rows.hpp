@@ -9,6 +9,7 @@
 
 #include <sidestep/geometry/scene.hpp>
 #include <sidestep/measures/track_truth.hpp>
+#include <sidestep/results/divided_run.hpp>
 #include <sidestep/results/recorder.hpp>
 #include <sidestep/runtime/replanner.hpp>
 #include <sidestep/runtime/results_store.hpp>
@@ -145,16 +146,31 @@ struct OfEpisode : Part {
 using EventRow = OfEpisode<EpisodeEvent>;
 using ContactRow = OfEpisode<EpisodeContact>;
 
+/// What a run of a closed loop is, beyond its episodes. Of the whole, where it is a shard.
+struct ReplanHead : DividedRun {
+  std::string about = "{}";  ///< With what clock, robot, limits and optimiser it is run, as JSON.
+  /// The command that runs it again, up to which of its episodes; empty where none can be run by
+  /// itself.
+  std::string again;
+  std::int64_t first_episode = 0;
+  std::int64_t episodes = 0;  ///< That are planned; 0: as many as there are.
+
+  [[nodiscard]] bool is_its(std::int64_t episode) const noexcept {
+    return (episode - first_episode) % shard.count == shard.index;
+  }
+};
+
 /// What a results store holds of a replan experiment.
 struct ReplanRows {
-  std::string identity;  ///< The effective configuration that fixes every outcome, as YAML.
+  ReplanHead head;
   std::vector<EpisodeRow> episodes;  ///< In ascending order.
   std::vector<ContactRow> contacts;
   std::vector<Replanner::GuessCount> guesses;  ///< Of all episodes together, in order of trial.
 };
 
-/// Series "run".
-void record_replan_run(const std::string& identity, Recorder& recorder);
+inline constexpr const char* kRunSeries = "run";
+/// Item 0 of that.
+void record_replan_head(const ReplanHead& head, Recorder& recorder);
 
 /// Series "episode" (one item an episode), "event", "contact" and "guess"; and where `pictures` >
 /// 0, "picture/EPISODE", so many spread evenly over its time: the robot, the obstacles, the way so

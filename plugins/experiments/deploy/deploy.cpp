@@ -307,10 +307,11 @@ class DeployExperiment final : public LoopExperiment {
                   block_of(context.configuration, "executor").mark().to_string(),
                   "an experiment of type replan has its goal in the configuration");
     }
-    return run_loop(context, settings, robot->description(), settings.deploy.goals, "",
-                    [&](Recorder& recorder) {
-                      return Deployment(context, settings, world, *goals).run(recorder);
-                    });
+    ReplanHead head = replan_head(context, settings, robot->description(), "");
+    head.episodes = settings.deploy.goals;
+    return run_loop(context, "deploy", head, [&](Recorder& recorder) {
+      return Deployment(context, settings, world, *goals).run(recorder);
+    });
   }
 };
 

@@ -3,26 +3,24 @@
 #include <sidestep/results/divided_run.hpp>
 #include <sidestep/runtime/checked_robot.hpp>
 #include <sidestep/runtime/configuration.hpp>
+#include <sidestep/runtime/results_store.hpp>
 #include <sidestep/runtime/standing_floor.hpp>
 #include "closed_loop.hpp"
 
 namespace sidestep {
 namespace {
 
+constexpr const char* kResultsFile = "results.sqlite";
 constexpr std::int64_t kAlwaysPictured = 2;  ///< Episodes; later ones where they failed.
 
 /// Episodes that an earlier session finished: it must be of the same experiment.
 Result<std::set<std::int64_t>> finished_episodes(const ExperimentContext& context,
-                                                 const std::string& identity) {
+                                                 const ReplanHead& head) {
   std::set<std::int64_t> finished;
   if (!context.resume) return finished;
-  const auto file = context.out / "results.sqlite";
+  const auto file = context.out / kResultsFile;
   const auto rows = SIDESTEP_TRY(read_replan_rows(file));
-  const std::string other = difference(rows.identity, identity);
-  if (!other.empty()) {
-    return fail(ErrorCode::kConfig, "the run to resume is another experiment: " + other,
-                file.string(), "resume it with the configuration and overrides it began with");
-  }
+  SIDESTEP_TRY(check_same_run(rows.head, head, file.string(), true));
   for (const EpisodeRow& row : rows.episodes) finished.insert(row.episode);
   return finished;
 }
@@ -40,15 +38,16 @@ Result<void> add_free_run(ExperimentContext& context, const ReplanConfiguration&
   return {};
 }
 
-/// Runs and records the episodes that are not finished yet, each all or not at all.
+/// Runs and records those of the shard's episodes that are not finished yet, each all or not at
+/// all.
 Result<void> run_episodes(ExperimentContext& context, const ReplanConfiguration& settings,
-                          const std::shared_ptr<const RobotModel>& robot,
+                          const std::shared_ptr<const RobotModel>& robot, const ReplanHead& head,
                           const std::set<std::int64_t>& finished, Recorder& recorder) {
   const std::int64_t total = settings.experiment.episodes;
   for (std::int64_t i = 0; i < total; ++i) {
     const std::int64_t episode = settings.experiment.first_episode + i;
     if (context.stop.stop_requested()) break;
-    if (finished.contains(episode)) continue;
+    if (finished.contains(episode) || !head.is_its(episode)) continue;
     const std::string name = "episode " + std::to_string(episode);
     const auto show = [&](const std::string& what) {
       if (context.progress) context.progress(i, total, what);
@@ -73,11 +72,16 @@ Result<void> run_episodes(ExperimentContext& context, const ReplanConfiguration&
   return {};
 }
 
+Result<ReplanHead> read_head(const std::filesystem::path& file) {
+  auto rows = SIDESTEP_TRY(read_replan_rows(file));
+  return std::move(rows.head);
+}
+
 class ReplanExperiment final : public LoopExperiment {
  public:
   [[nodiscard]] ExperimentFacts facts() const override {
     ExperimentFacts facts = LoopExperiment::facts();
-    facts.is_resumable = true;
+    facts.is_resumable = facts.is_divisible = true;
     return facts;
   }
   void check(const Configuration& configuration, Host& host,
@@ -96,12 +100,40 @@ class ReplanExperiment final : public LoopExperiment {
     stand_on_floor(settings.planning, *robot);
 
     // More episodes than before are the same experiment, gone on with.
-    const std::string identity = identity_of(context, {"threads", "episodes", "first_episode"});
-    const auto finished = SIDESTEP_TRY(finished_episodes(context, identity));
-    return run_loop(context, settings, robot->description(), settings.experiment.episodes, identity,
-                    [&](Recorder& recorder) {
-                      return run_episodes(context, settings, robot, finished, recorder);
-                    });
+    ReplanHead head = replan_head(context, settings, robot->description(),
+                                  identity_of(context, {"threads", "episodes", "first_episode"}));
+    head.first_episode = settings.experiment.first_episode;
+    head.episodes = settings.experiment.episodes;
+    if (context.shard.count > head.episodes) {
+      return fail(ErrorCode::kConfig,
+                  "there are " + std::to_string(head.episodes) + " episodes, too few for " +
+                      std::to_string(context.shard.count) + " shards",
+                  context.configuration.file.string());
+    }
+    const auto finished = SIDESTEP_TRY(finished_episodes(context, head));
+    return run_loop(context, "replan", head, [&](Recorder& recorder) {
+      return run_episodes(context, settings, robot, head, finished, recorder);
+    });
+  }
+  [[nodiscard]] Result<ExperimentOutcome> merge(const std::vector<std::filesystem::path>& shards,
+                                                const std::filesystem::path& out) const override {
+    const auto whole = SIDESTEP_TRY(merged_record(
+        shards, &read_head, +[](ReplanHead&, ReplanHead) {}));
+    for (const auto& shard : shards) {
+      const auto head = SIDESTEP_TRY(read_head(shard / kResultsFile));
+      if (head.first_episode == whole.first_episode && head.episodes == whole.episodes) continue;
+      return fail(ErrorCode::kConfig, "this shard is of other episodes than the first",
+                  shard.string(), "resume the shards with the same episodes first");
+    }
+    std::error_code error;
+    std::filesystem::create_directories(out, error);
+    auto store = SIDESTEP_TRY(ResultsStore::open(out / kResultsFile, whole.provenance));
+    Recorder recorder(*store);
+    record_replan_head(whole, recorder);
+    SIDESTEP_TRY(recorder.commit());
+    for (const auto& shard : shards) SIDESTEP_TRY(store->absorb(shard / kResultsFile, kRunSeries));
+    store.reset();
+    return summarise_replan("replan", SIDESTEP_TRY(read_replan_rows(out / kResultsFile)));
   }
 };
 

@@ -6,8 +6,8 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include <sidestep/core/file.hpp>
 #include <sidestep/experiments/experiments.hpp>
-#include <sidestep/results/text_file.hpp>
 #include <sidestep/runtime/episode_clock.hpp>
 #include <sidestep/runtime/paced_frames.hpp>
 #include <sidestep/runtime/step_watch.hpp>
@@ -177,18 +177,17 @@ class ReplanRowsTest : public testing::Test {
     auto store = ResultsStore::open(file_, {});
     ASSERT_TRUE(store);
     Recorder recorder(**store);
-    record_replan_run("experiment: {}", recorder);
+    record_replan_head({}, recorder);
     for (const EpisodeRecord& episode : episodes) {
       record_episode(episode, *flying_ball(0.1), 3, recorder);
     }
     ASSERT_TRUE(recorder.commit());
   }
   [[nodiscard]] ExperimentOutcome summary_of(int planned) const {
-    const auto rows = read_replan_rows(file_);
+    auto rows = read_replan_rows(file_);
     EXPECT_TRUE(rows) << rows.error().describe();
-    ReplanFacts facts;
-    facts.planned_episodes = planned;
-    return summarise_replan(facts, *rows);
+    rows->head.episodes = planned;
+    return summarise_replan("replan", *rows);
   }
 
   testing_support::TemporaryFolder folder_;

@@ -78,9 +78,9 @@ class SessionClock {
 [[nodiscard]] std::string difference(const std::string& there, const std::string& here);
 
 /// Fails with kConfig where the run in `file` is not one that `here` can go on with: one of the
-/// same configuration and shard, by the same build.
+/// same configuration and shard, by the same build unless any will do.
 [[nodiscard]] Result<void> check_same_run(const DividedRun& earlier, const DividedRun& here,
-                                          const std::string& file);
+                                          const std::string& file, bool any_build = false);
 
 /// Fails with kConfig where the shard in `run` cannot be put together with the first one.
 [[nodiscard]] Result<void> check_same_division(const DividedRun& first, const DividedRun& part,

@@ -71,6 +71,9 @@ class ResultsStore {
   /// Fails with kInvalidArgument where the values are not rows x columns.
   [[nodiscard]] Result<void> add(std::string_view series, std::int64_t item, std::string_view key,
                                  const StoredArray& array);
+  /// Adds all that the results in another file hold but one series; their provenance stays there.
+  /// What this holds already under the same name is replaced. Durable afterwards.
+  [[nodiscard]] Result<void> absorb(const std::filesystem::path& file, std::string_view but_series);
   /// Makes what was added so far durable.
   [[nodiscard]] Result<void> commit();
 
