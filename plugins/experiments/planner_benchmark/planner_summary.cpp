@@ -182,6 +182,19 @@ std::string verdict_text(const PlannerBenchmarkRecord& record, bool interrupted,
   }
   if (record.solved() < record.planned()) return part + "Incomplete: " + count + ".";
   if (!unmet.empty()) return part + "Failed: " + unmet + ".";
+  const PlannerRecord* least = nullptr;
+  const auto share_solved = [](const PlannerRecord& planner) {
+    return static_cast<double>(std::ranges::count_if(planner.solves, &SetSolve::is_solved)) /
+           static_cast<double>(std::max<std::size_t>(1, planner.solves.size()));
+  };
+  for (const PlannerRecord& planner : record.planners) {
+    if (least == nullptr || share_solved(planner) < share_solved(*least)) least = &planner;
+  }
+  if (least != nullptr && share_solved(*least) < 1.0) {
+    return part + "Measured: " + std::to_string(record.solved()) + of +
+           ", none refused by the independent check; " + least->name + " solved the least, " +
+           format("%.3g %%", 100.0 * share_solved(*least)) + ".";
+  }
   return part + "Success: " + std::to_string(record.solved()) + of +
          ", none refused by the independent check.";
 }
