@@ -110,6 +110,24 @@ TEST(Abi, WhatIsNoPluginIsRefused) {
   EXPECT_THAT(refusal("empty"), HasSubstr("cannot be loaded: "));
 }
 
+TEST(Abi, ALibraryMayHoldSeveralPlugins) {
+  HostFixture fixture({folder("pair")});
+  ASSERT_EQ(fixture.host.plugins().size(), 2u);
+  const auto block = HostFixture::block("{plugin: one_of_two}");
+  const auto mapper = fixture.host.create<Mapper>(block);
+  ASSERT_FALSE(mapper);
+  EXPECT_THAT(mapper.error().describe(), HasSubstr("the mapper of two"));
+  const auto cost = fixture.host.create<StateCost>(block);
+  ASSERT_FALSE(cost);
+  EXPECT_THAT(cost.error().describe(), HasSubstr("the cost of two"));
+}
+
+TEST(Abi, EachPluginOfALibraryIsChecked) {
+  EXPECT_THAT(refusal("further_magic"), HasSubstr("magic is 7, this host's is"));
+  EXPECT_THAT(refusal("further_same"), HasSubstr("holds two plugins that are mapper 'broken'"));
+  EXPECT_THAT(refusal("further_without_end"), HasSubstr("holds more than 64 plugins"));
+}
+
 std::string creation_error(const std::string& name) {
   HostFixture fixture({folder(name)});
   const auto mapper = fixture.host.create<Mapper>(HostFixture::block("{plugin: broken}"));

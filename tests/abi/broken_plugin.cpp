@@ -8,11 +8,13 @@
 #include <csignal>
 #include <cstdlib>
 #include <cstring>
+#include <deque>
 #include <filesystem>
 #include <map>
 #include <stdexcept>
 #include <string>
 #include <thread>
+#include <utility>
 
 #include <sidestep/mapping/occupancy_view.hpp>
 #include <sidestep/plugin/plugin.hpp>
@@ -90,6 +92,14 @@ void* create(const Node&, const HostContext&, Error* error) {
 
 using Break = void (*)(PluginDescriptor&);
 
+/// Another plugin of the library.
+PluginDescriptor& further(const PluginDescriptor& first, const char* name) {
+  static PluginDescriptor other;
+  other = first;
+  other.name = name;
+  return other;
+}
+
 const std::map<std::string, Break>& breaks() {
   static const std::map<std::string, Break> breaks = {
       {"size", [](PluginDescriptor& d) { d.size = 8; }},
@@ -117,7 +127,23 @@ const std::map<std::string, Break>& breaks() {
       {"create", [](PluginDescriptor& d) { d.create = nullptr; }},
       {"destroy", [](PluginDescriptor& d) { d.destroy = nullptr; }},
       {"name_empty", [](PluginDescriptor& d) { d.name = ""; }},
-      {"schema_throws", [](PluginDescriptor& d) { d.schema = &throwing_schema; }}};
+      {"schema_throws", [](PluginDescriptor& d) { d.schema = &throwing_schema; }},
+      {"further_magic",
+       [](PluginDescriptor& d) {
+         PluginDescriptor& other = further(d, "another");
+         other.magic = 7;
+         d.next = &other;
+       }},
+      {"further_same", [](PluginDescriptor& d) { d.next = &further(d, d.name); }},
+      {"further_without_end", [](PluginDescriptor& d) {
+         static std::deque<std::string> names;
+         static std::deque<PluginDescriptor> chain;
+         for (int i = 0; i <= kMostPluginsOfLibrary; ++i) {
+           chain.push_back(d);
+           chain.back().name = names.emplace_back("broken_" + std::to_string(i)).c_str();
+           chain.back().next = std::exchange(d.next, &chain.back());
+         }
+       }}};
   return breaks;
 }
 

@@ -89,11 +89,31 @@ Host& Subject::host_with(WorkerPool* workers) {
   return *host;
 }
 
-Result<void> Subject::find(const std::filesystem::path& library) {
-  for (const PluginInfo& plugin : host().plugins()) {
-    if (plugin.library != library) continue;
+bool Subject::is_of(const PluginInfo& plugin, const std::filesystem::path& case_file) const {
+  const auto document = documents_.read(case_file);
+  if (!document) return false;
+  const Node* const block = document->find(std::string(to_string(plugin.kind)));
+  const Node* const name =
+      block == nullptr ? nullptr
+                       : block->find(plugin.kind == PluginKind::kExperiment ? "type" : "plugin");
+  return name != nullptr && name->is_scalar() && name->text() == plugin.name;
+}
+
+Result<void> Subject::find(const std::filesystem::path& library,
+                           const std::filesystem::path& case_file) {
+  std::vector<PluginInfo> plugins;
+  std::ranges::copy_if(host().plugins(), std::back_inserter(plugins),
+                       [&](const PluginInfo& plugin) { return plugin.library == library; });
+  std::vector<std::string> names;
+  for (const PluginInfo& plugin : plugins) {
+    names.push_back(std::string(to_string(plugin.kind)) + " " + plugin.name);
+    if (plugins.size() > 1 && !is_of(plugin, case_file)) continue;
     info_ = plugin;
     return {};
+  }
+  if (!names.empty()) {
+    return fail(ErrorCode::kConfig, "holds several plugins, " + joined(names), library.string(),
+                "give a case file, with the block of one of them");
   }
   for (const PluginRejection& rejection : host().rejections()) {
     if (rejection.library == library) return tl::make_unexpected(rejection.error);
@@ -144,7 +164,7 @@ Result<void> Subject::read_case(const std::filesystem::path& file) {
 Result<std::unique_ptr<Subject>> Subject::open(const std::filesystem::path& library,
                                                const std::filesystem::path& case_file) {
   std::unique_ptr<Subject> subject(new Subject(library));
-  SIDESTEP_TRY(subject->find(library));
+  SIDESTEP_TRY(subject->find(library, case_file));
   SIDESTEP_TRY(subject->read_case(case_file));
   return subject;
 }

@@ -67,7 +67,10 @@ class Subject {
   explicit Subject(const std::filesystem::path& library);
 
   [[nodiscard]] Host& host_with(WorkerPool* workers);
-  [[nodiscard]] Result<void> find(const std::filesystem::path& library);
+  /// Of several plugins, the one that the case is of.
+  [[nodiscard]] Result<void> find(const std::filesystem::path& library,
+                                  const std::filesystem::path& case_file);
+  [[nodiscard]] bool is_of(const PluginInfo& plugin, const std::filesystem::path& case_file) const;
   [[nodiscard]] Result<void> read_case(const std::filesystem::path& file);
 
   conformance::RecordingLog log_;

@@ -130,9 +130,12 @@ struct Host::Impl {
   }
 
   void add_library(const std::filesystem::path& library) {
-    const auto descriptor = open_plugin_library(library);
-    if (!descriptor) return reject(library, descriptor.error());
-    const PluginDescriptor& d = **descriptor;
+    const auto plugins = open_plugin_library(library);
+    if (!plugins) return reject(library, plugins.error());
+    for (const PluginDescriptor* plugin : *plugins) add_plugin(*plugin, library);
+  }
+
+  void add_plugin(const PluginDescriptor& d, const std::filesystem::path& library) {
     const auto same = std::ranges::find_if(
         found, [&](const Found& f) { return f.info.kind == d.kind && f.info.name == d.name; });
     if (same != found.end()) {

@@ -3,6 +3,7 @@
 #include <cxxabi.h>
 #include <dlfcn.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <cstring>
 #include <exception>
@@ -222,7 +223,8 @@ tl::unexpected<Error> refuse_unloaded(const std::filesystem::path& library,
                 "name the library that has it: sidestep_add_plugin(... LINK ...)");
 }
 
-Result<const PluginDescriptor*> open_plugin_library(const std::filesystem::path& library) {
+Result<std::vector<const PluginDescriptor*>> open_plugin_library(
+    const std::filesystem::path& library) {
   const Opening opening(library);
   for (const PluginBoard::Refusal& refusal :
        std::span(opening.board.refusals)
@@ -250,8 +252,24 @@ Result<const PluginDescriptor*> open_plugin_library(const std::filesystem::path&
   if (descriptor == nullptr) {
     return refuse(library, std::string(kPluginSymbol) + "() returned null");
   }
-  SIDESTEP_TRY(check_descriptor(*descriptor, library));
-  return descriptor;
+  std::vector<const PluginDescriptor*> plugins;
+  for (; descriptor != nullptr; descriptor = descriptor->next) {
+    SIDESTEP_TRY(check_descriptor(*descriptor, library));
+    const auto is_same = [&](const PluginDescriptor* other) {
+      return other->kind == descriptor->kind && std::string_view(other->name) == descriptor->name;
+    };
+    if (std::ranges::any_of(plugins, is_same)) {
+      return refuse(library, "holds two plugins that are " +
+                                 std::string(to_string(descriptor->kind)) + " '" +
+                                 descriptor->name + "'");
+    }
+    if (plugins.size() == kMostPluginsOfLibrary) {
+      return refuse(library,
+                    "holds more than " + std::to_string(kMostPluginsOfLibrary) + " plugins");
+    }
+    plugins.push_back(descriptor);
+  }
+  return plugins;
 }
 
 }  // namespace sidestep

@@ -1,15 +1,17 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
+#include <vector>
 
 #include <sidestep/plugin/descriptor.hpp>
 
 namespace sidestep {
 
-/// Opens a library and returns its descriptor once everything about it has been found to fit
-/// this host. The library stays loaded for good. Fails with kPlugin, saying what does not fit
-/// and what to do.
-[[nodiscard]] Result<const PluginDescriptor*> open_plugin_library(
+/// Opens a library and returns its plugins' descriptors, at least one, once everything about them
+/// has been found to fit this host. The library stays loaded for good. Fails with kPlugin, saying
+/// what does not fit and what to do.
+[[nodiscard]] Result<std::vector<const PluginDescriptor*>> open_plugin_library(
     const std::filesystem::path& library);
 
 /// The parameters that an opened plugin declares. Fails with kPlugin where the plugin throws.

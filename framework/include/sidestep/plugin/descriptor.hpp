@@ -10,7 +10,7 @@ namespace sidestep {
 
 inline constexpr std::uint32_t kPluginMagic = 0x50534453u;  // "SDSP"
 inline constexpr std::uint16_t kSdkMajor = 0;
-inline constexpr std::uint16_t kSdkMinor = 8;
+inline constexpr std::uint16_t kSdkMinor = 9;
 
 /// Versions of the interface of each kind: raised whenever its virtuals or the data they
 /// exchange change.
@@ -45,8 +45,9 @@ struct AbiStamp {
   char sanitizers[32];                  ///< "none", "address", "thread", "memory"
 };
 
-/// What a plugin's library exports. The prefix up to `abi` has a layout that never changes;
-/// the host reads nothing behind it before the stamp has been found equal.
+/// What a plugin's library exports, the first of as many as it holds. The prefix up to `abi` has a
+/// layout that never changes; the host reads nothing behind it before the stamp has been found
+/// equal.
 struct PluginDescriptor {
   std::uint32_t size;   ///< sizeof(PluginDescriptor)
   std::uint32_t magic;  ///< kPluginMagic
@@ -69,7 +70,11 @@ struct PluginDescriptor {
   /// against the schema and with check(). Must not throw; the host catches what does.
   void* (*create)(const Node& parameters, const HostContext& context, Error* error);
   void (*destroy)(void* object);
+  const PluginDescriptor* next;  ///< Another plugin of the same library, or null.
 };
+
+/// The most plugins that a host takes from one library.
+inline constexpr int kMostPluginsOfLibrary = 64;
 
 /// The name of the one function that a plugin's library exports:
 /// extern "C" const PluginDescriptor* sidestep_plugin().

@@ -171,20 +171,49 @@ struct PluginGlue {
   static void destroy(void* object) { delete static_cast<Interface*>(object); }
 };
 
+/// A plugin of the library that this is compiled into. Hidden, so that each library has a list of
+/// its own.
+class __attribute__((visibility("hidden"))) PluginOfLibrary {
+ public:
+  using Descriptor = const PluginDescriptor* (*)(const PluginDescriptor* next);
+
+  explicit PluginOfLibrary(Descriptor descriptor) noexcept
+      : descriptor_(descriptor), next_(std::exchange(first(), this)) {}
+
+  static const PluginDescriptor* descriptors() {
+    const PluginDescriptor* descriptor = nullptr;
+    for (const PluginOfLibrary* plugin = first(); plugin != nullptr; plugin = plugin->next_) {
+      descriptor = plugin->descriptor_(descriptor);
+    }
+    return descriptor;
+  }
+
+ private:
+  static const PluginOfLibrary*& first() noexcept {
+    static const PluginOfLibrary* plugin = nullptr;
+    return plugin;
+  }
+
+  Descriptor descriptor_;
+  const PluginOfLibrary* next_;
+};
+
 }  // namespace detail
 }  // namespace sidestep
 
-/// Exports a plugin. INTERFACE: Source, Mapper, FieldBuilder, RobotModel, Optimiser,
-/// Executor, StateCost, Predictor, Gaze or Localiser (for experiments see SIDESTEP_EXPERIMENT).
-/// OPTIONS: a struct with `static Parameters<OPTIONS> parameters()` and, where its parameters must
-/// fit together, `std::vector<OptionMistake> check() const`. CREATE: a function
+/// Exports a plugin; a library may hold several, each in a source file of its own. INTERFACE:
+/// Source, Mapper, FieldBuilder, RobotModel, Optimiser, Executor, StateCost, Predictor, Gaze or
+/// Localiser (for experiments see SIDESTEP_EXPERIMENT). OPTIONS: a struct with `static
+/// Parameters<OPTIONS> parameters()` and, where its parameters must fit together,
+/// `std::vector<OptionMistake> check() const`. CREATE: a function
 /// Result<std::unique_ptr<INTERFACE>>(const OPTIONS&, const HostContext&), which is given only
 /// options that check() finds nothing wrong with. What follows DOC are the views (types as in
 /// mapping/occupancy_view.hpp) that a mapper offers or a field needs: the host tells before a run
 /// whether the two fit.
 #define SIDESTEP_PLUGIN(INTERFACE, OPTIONS, CREATE, NAME, VERSION, DOC, ...)           \
-  extern "C" SIDESTEP_EXPORT __attribute__((weak)) const ::sidestep::PluginDescriptor* \
-  sidestep_plugin() {                                                                  \
+  namespace {                                                                          \
+  const ::sidestep::PluginDescriptor* sidestep_descriptor(                             \
+      const ::sidestep::PluginDescriptor* next) {                                      \
     using Glue = ::sidestep::detail::PluginGlue<INTERFACE, OPTIONS, CREATE>;           \
     using Traits = ::sidestep::PluginTraits<INTERFACE>;                                \
     static const ::sidestep::Schema schema = OPTIONS::parameters().schema();           \
@@ -203,6 +232,13 @@ struct PluginGlue {
         []() -> const ::sidestep::Schema& { return schema; },                          \
         &Glue::check,                                                                  \
         &Glue::create,                                                                 \
-        &Glue::destroy};                                                               \
+        &Glue::destroy,                                                                \
+        next};                                                                         \
     return &descriptor;                                                                \
+  }                                                                                    \
+  const ::sidestep::detail::PluginOfLibrary sidestep_registered(&sidestep_descriptor); \
+  }                                                                                    \
+  extern "C" SIDESTEP_EXPORT __attribute__((weak)) const ::sidestep::PluginDescriptor* \
+  sidestep_plugin() {                                                                  \
+    return ::sidestep::detail::PluginOfLibrary::descriptors();                         \
   }
