@@ -3,9 +3,10 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <fstream>
+#include <sstream>
 #include <string_view>
 
+#include <sidestep/core/file.hpp>
 #include <sidestep/core/index.hpp>
 #include <sidestep/runtime/yaml_document.hpp>
 
@@ -35,8 +36,7 @@ class CsvMotion {
       : file_(file), robot_(robot), step_s_(step_s) {}
 
   [[nodiscard]] Result<MotionSamples> read() {
-    std::ifstream in(file_);
-    if (!in) return fail(ErrorCode::kIo, "cannot be read", file_.string());
+    std::istringstream in(SIDESTEP_TRY(read_file(file_)));
     for (std::string text; std::getline(in, text);) {
       if (++line_ == 1 && text.starts_with("\xEF\xBB\xBF")) text.erase(0, 3);  // a mark of UTF-8
       if (text.find_first_not_of(" \t\r") == std::string::npos || text[0] == '#') continue;

@@ -1,7 +1,6 @@
 #include <algorithm>
-#include <fstream>
-#include <sstream>
 
+#include <sidestep/core/file.hpp>
 #include <sidestep/core/index.hpp>
 #include <sidestep/runtime/yaml_document.hpp>
 
@@ -97,15 +96,7 @@ class MoveItMotion {
 }  // namespace
 
 Result<Node> read_message(const std::filesystem::path& file) {
-  std::error_code ignored;
-  if (std::filesystem::is_directory(file, ignored)) {
-    return fail(ErrorCode::kConfig, "is a folder, and a file is wanted", file.string());
-  }
-  std::ifstream in(file);
-  std::ostringstream text;
-  text << in.rdbuf();
-  if (!in) return fail(ErrorCode::kIo, "cannot be read", file.string());
-  std::string message = text.str();
+  std::string message = SIDESTEP_TRY(read_file(file));
   if (message.find_first_not_of(" \n\r\t") == std::string::npos) {
     return fail(ErrorCode::kConfig, "is empty", file.string());
   }

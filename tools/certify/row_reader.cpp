@@ -1,10 +1,12 @@
+#include <algorithm>
 #include <bit>
 #include <charconv>
 #include <cstring>
-#include <fstream>
-#include <regex>
+#include <optional>
 #include <sstream>
+#include <string_view>
 
+#include <sidestep/core/file.hpp>
 #include <sidestep/core/format.hpp>
 #include <sidestep/core/index.hpp>
 
@@ -15,10 +17,37 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr std::size_t kMostHeaderBytes = std::size_t{1} << 16;
+
 using Rows = std::vector<std::vector<double>>;
 
 tl::unexpected<Error> wrong(const fs::path& file, const std::string& what) {
   return fail(ErrorCode::kConfig, what, file.string());
+}
+
+// By hand: std::regex takes a frame of the stack for each character of a line.
+
+std::string_view without_blanks(std::string_view text) {
+  constexpr std::string_view kBlanks = " \t\r";
+  text.remove_prefix(std::min(text.find_first_not_of(kBlanks), text.size()));
+  return text.substr(0, text.find_last_not_of(kBlanks) + 1);
+}
+
+/// What follows a key in a header of NumPy; empty where it is not there.
+std::string_view behind(std::string_view header, std::string_view key) {
+  const std::size_t at = header.find(key);
+  return at == std::string_view::npos ? "" : without_blanks(header.substr(at + key.size()));
+}
+
+/// What stands in the brackets of "RealVectorState [1 2]" or "SO2State [1]"; nothing where the line
+/// is another one.
+std::optional<std::string_view> numbers_of_part(std::string_view line) {
+  line = without_blanks(line);
+  for (const std::string_view name : {"RealVectorState [", "SO2State ["}) {
+    if (!line.starts_with(name) || line.find(']') != line.size() - 1) continue;
+    return line.substr(name.size(), line.size() - name.size() - 1);
+  }
+  return {};
 }
 
 /// An array of NumPy: float32 or float64, little-endian, row by row, of two dimensions (or more,
@@ -35,11 +64,15 @@ Result<Rows> read_npy(const fs::path& file, const std::string& bytes) {
   std::size_t length = byte(8) | byte(9) << 8U;
   if (!is_first_version) length |= byte(10) << 16U | byte(11) << 24U;
   if (length > bytes.size() - begin) return wrong(file, "ends within its header");
+  if (length > kMostHeaderBytes) return wrong(file, "its header is longer than that of numbers");
   const std::string header = bytes.substr(begin, length);
-  std::smatch descr, order, shape;
-  const bool is_known = std::regex_search(header, descr, std::regex("'descr': *'<f([48])'")) &&
-                        std::regex_search(header, order, std::regex("'fortran_order': *False")) &&
-                        std::regex_search(header, shape, std::regex("'shape': *\\(([0-9, ]+)\\)"));
+  const std::string_view descr = behind(header, "'descr':");
+  const std::string_view shape = behind(header, "'shape':");
+  const std::string listed_sizes(shape.substr(0, shape.find_first_not_of("(0123456789, ")));
+  const bool is_known = (descr.starts_with("'<f4'") || descr.starts_with("'<f8'")) &&
+                        behind(header, "'fortran_order':").starts_with("False") &&
+                        listed_sizes.starts_with('(') &&
+                        shape.substr(listed_sizes.size(), 1) == ")";
   if (!is_known) {
     return wrong(
         file,
@@ -48,17 +81,18 @@ Result<Rows> read_npy(const fs::path& file, const std::string& bytes) {
             header.substr(0, header.find('\n')));
   }
   std::vector<std::size_t> sizes;
-  std::stringstream listed(shape[1].str());
+  std::stringstream listed(listed_sizes.substr(1));
   for (std::string size; std::getline(listed, size, ',');) {
     if (size.find_first_of("0123456789") == std::string::npos) continue;
     sizes.push_back(std::strtoull(size.c_str(), nullptr, 10));
   }
   while (sizes.size() > 2 && sizes.front() == 1) sizes.erase(sizes.begin());
-  const std::size_t width = descr[1].str() == "4" ? 4 : 8;
+  const std::size_t width = descr[3] == '4' ? 4 : 8;
   const std::size_t left = bytes.size() - begin - length;
   if (sizes.size() != 2) return wrong(file, "an array of two dimensions is wanted: rows, joints");
   const auto [count, columns] = std::pair(sizes[0], sizes[1]);
-  if (columns == 0 || left / width / columns != count || left % (width * columns) != 0) {
+  if (columns == 0 || columns > left / width || left % (width * columns) != 0 ||
+      left / (width * columns) != count) {
     return wrong(
         file, format("has %zu bytes where its header says %zu rows of %zu", left, count, columns));
   }
@@ -100,21 +134,18 @@ Result<Rows> read_printed(const fs::path& file, const std::string& text) {
     return true;
   };
   bool is_compound = false;
-  static const std::regex part("^\\s*(RealVectorState|SO2State) \\[([^\\]]*)\\]\\s*$");
   for (std::string line; std::getline(lines, line);) {
     ++number;
     const auto first = line.find_first_not_of(" \t\r");
     if (first == std::string::npos || line.starts_with("Geometric path with")) continue;
-    std::smatch found;
-    const bool is_part = std::regex_match(line, found, part);
     if (line.starts_with("Compound state [")) {
       is_compound = true;
       rows.emplace_back();
-    } else if (line[first] == ']') {
+    } else if (line[first] == ']' && is_compound) {
       is_compound = false;
     } else {
       if (!is_compound) rows.emplace_back();
-      if (!add_numbers(is_part ? found[2].str() : line, rows.back())) {
+      if (!add_numbers(std::string(numbers_of_part(line).value_or(line)), rows.back())) {
         return wrong_line("'" + line + "' is no state of numbers");
       }
     }
@@ -153,12 +184,9 @@ Result<std::vector<std::size_t>> joint_order(
 
 Result<MotionSamples> read_rows(const fs::path& file, const RobotDescription& robot,
                                 const MotionFormat& format) {
-  std::ifstream in(file, std::ios::binary);
-  std::ostringstream text;
-  text << in.rdbuf();
-  if (!in) return fail(ErrorCode::kIo, "cannot be read", file.string());
-  const auto rows = SIDESTEP_TRY(file.extension() == ".npy" ? read_npy(file, text.str())
-                                                            : read_printed(file, text.str()));
+  const std::string text = SIDESTEP_TRY(read_file(file));
+  const auto rows =
+      SIDESTEP_TRY(file.extension() == ".npy" ? read_npy(file, text) : read_printed(file, text));
   if (rows.size() < 2) return wrong(file, "a motion has two rows of numbers at least");
   if (format.joints.empty()) {
     return fail(ErrorCode::kConfig, "its columns have no names: say which joints they are",

@@ -1,8 +1,12 @@
 #include <octomap/ColorOcTree.h>
 #include <octomap/OcTree.h>
 
-#include <fstream>
+#include <bit>
+#include <optional>
+#include <sstream>
+#include <string_view>
 
+#include <sidestep/core/file.hpp>
 #include <sidestep/core/format.hpp>
 
 #include "motion_reader.hpp"
@@ -25,13 +29,76 @@ Swarm cubes_of(const Tree& tree, const fs::path& file) {
   return swarm;
 }
 
+constexpr std::uintmax_t kMostMapBytes = std::uintmax_t{1} << 30;
+
+/// What OctoMap is to read. Its readers go on where a file ends, as deep as it says, without
+/// looking.
+struct OctoMapFile {
+  std::string type;
+  std::size_t nodes = 0;
+  double resolution_m = 0.0;
+  std::string_view data;
+};
+
+std::optional<OctoMapFile> octomap_header(std::string_view bytes, std::string_view first_line) {
+  constexpr std::string_view kEnd = "\ndata\n";
+  const std::size_t end = bytes.find(kEnd);
+  if (!bytes.starts_with(first_line) || end == std::string_view::npos) return {};
+  OctoMapFile file;
+  file.data = bytes.substr(end + kEnd.size());
+  std::istringstream lines(std::string(bytes.substr(0, end)));
+  for (std::string line, key; std::getline(lines, line);) {
+    std::istringstream words(line);
+    words >> key;
+    if (key == "id") words >> file.type;
+    if (key == "size") words >> file.nodes;
+    if (key == "res") words >> file.resolution_m;
+  }
+  if (!(file.resolution_m >= 1e-6 && file.resolution_m <= 1e6)) return {};
+  return file;
+}
+
+/// How many nodes follow one: of its eight bits, or of eight pairs those that are 11.
+int children_of(std::string_view record, bool is_binary) {
+  const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(record[i]); };
+  if (!is_binary) return std::popcount(byte(record.size() - 1));
+  const unsigned pairs = byte(0) | byte(1) << 8U;
+  return std::popcount(pairs & pairs >> 1U & 0x5555U);
+}
+
+/// Whether a tree's nodes are all there, none deeper than OctoMap's are.
+bool is_tree(const OctoMapFile& file, bool is_binary) {
+  constexpr std::size_t kDeepest = 16;
+  const std::size_t bytes = is_binary ? 2 : file.type == "ColorOcTree" ? 8 : 5;
+  std::string_view data = file.data;
+  std::vector<int> yet{file.nodes > 0 ? 1 : 0};  // to come, of each depth
+  while (!yet.empty()) {
+    if (yet.back()-- == 0) {
+      yet.pop_back();
+      continue;
+    }
+    if (data.size() < bytes) return false;
+    const int children = children_of(data.substr(0, bytes), is_binary);
+    data.remove_prefix(bytes);
+    if (children == 0) continue;
+    if (yet.size() > kDeepest) return false;
+    yet.push_back(children);
+  }
+  return true;
+}
+
 Result<Swarm> read_octomap(const fs::path& file) {
   const auto none = [&] {
     return fail(ErrorCode::kConfig, "is no OctoMap that can be read", file.string());
   };
-  std::ifstream in(file, std::ios::binary);
-  if (!in) return fail(ErrorCode::kIo, "cannot be read", file.string());
-  if (file.extension() == ".bt") {
+  const std::string bytes = SIDESTEP_TRY(read_file(file, kMostMapBytes));
+  const bool is_binary = file.extension() == ".bt";
+  const auto header =
+      octomap_header(bytes, is_binary ? "# Octomap OcTree binary file" : "# Octomap OcTree file");
+  const bool is_known = header && (header->type == "OcTree" || header->type == "ColorOcTree");
+  if (!is_known || !is_tree(*header, is_binary)) return none();
+  std::istringstream in(bytes);
+  if (is_binary) {
     octomap::OcTree tree(0.1);
     if (!tree.readBinary(in)) return none();
     return cubes_of(tree, file);

@@ -3,8 +3,8 @@
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
-#include <fstream>
-#include <iterator>
+
+#include <sidestep/core/file.hpp>
 
 #include "number_range.hpp"
 #include "pair_statistics.hpp"
@@ -44,20 +44,7 @@ void print_table(const RobotDescription& robot, const std::vector<PairStatistics
 }
 
 Result<void> write_profile(const std::filesystem::path& file, const std::string& block) {
-  std::ifstream in(file, std::ios::binary);
-  const std::string text{std::istreambuf_iterator<char>(in), {}};
-  in.close();
-  // Beside it first, so that a full disk costs nothing.
-  std::filesystem::path fresh = file;
-  fresh += ".new";
-  std::ofstream out(fresh, std::ios::binary);
-  out << with_self_collision(text, block);
-  out.close();
-  if (!out) return fail(ErrorCode::kIo, "the profile cannot be written", fresh.string());
-  std::error_code error;
-  std::filesystem::rename(fresh, file, error);
-  if (error) return fail(ErrorCode::kIo, "cannot be replaced: " + error.message(), file.string());
-  return {};
+  return write_file(file, with_self_collision(SIDESTEP_TRY(read_file(file)), block));
 }
 
 Result<void> run(const Arguments& arguments) {

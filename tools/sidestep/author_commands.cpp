@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
+#include <sidestep/core/file.hpp>
 #include <sidestep/core/node.hpp>
-#include <sidestep/results/text_file.hpp>
 #include <sidestep/runtime/install_layout.hpp>
 
 #include "commands.hpp"

@@ -9,6 +9,7 @@
 #include <cstdio>
 #include <ctime>
 #include <mutex>
+#include <span>
 
 namespace sidestep {
 namespace {
@@ -17,6 +18,7 @@ namespace fs = std::filesystem;
 
 /// Signals this soon after the first are the same wish: coreutils' timeout sends one to the process
 /// and one to its group.
+constexpr std::size_t kMostErrorsShown = 50;
 constexpr auto kSameWish = std::chrono::milliseconds(500);
 
 sigset_t handled_signals() {
@@ -80,7 +82,13 @@ ExitCode exit_code(const std::vector<Error>& errors) noexcept {
 ExitCode worse(ExitCode a, ExitCode b) noexcept { return std::max(a, b); }
 
 void print_errors(const std::vector<Error>& errors) {
-  for (const Error& error : errors) std::fprintf(stderr, "%s\n", error.describe().c_str());
+  const std::size_t shown = std::min(errors.size(), kMostErrorsShown);
+  for (const Error& error : std::span(errors).first(shown)) {
+    std::fprintf(stderr, "%s\n", error.describe().c_str());
+  }
+  if (shown < errors.size()) {
+    std::fprintf(stderr, "and %zu more mistakes\n", errors.size() - shown);
+  }
 }
 
 ExitCode wrong_input(const Error& error) {

@@ -17,10 +17,10 @@
 
 #include <nlohmann/json.hpp>
 
+#include <sidestep/core/file.hpp>
 #include <sidestep/experiments/experiments.hpp>
 #include <sidestep/report/chart.hpp>
 #include <sidestep/report/report_parts.hpp>
-#include <sidestep/results/text_file.hpp>
 
 #include "commands.hpp"
 #include "jobs.hpp"

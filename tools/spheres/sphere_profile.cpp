@@ -8,7 +8,6 @@
 #include <cerrno>
 #include <cmath>
 #include <cstring>
-#include <fstream>
 #include <iterator>
 #include <map>
 #include <optional>
@@ -16,6 +15,7 @@
 #include <tuple>
 #include <utility>
 
+#include <sidestep/core/file.hpp>
 #include <sidestep/core/format.hpp>
 #include <sidestep/core/index.hpp>
 #include <sidestep/plugin/parameters.hpp>
@@ -189,13 +189,6 @@ namespace fs = std::filesystem;
 
 constexpr double kMostMetres = 100.0;
 
-Result<std::string> read_text(const fs::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  std::string text{std::istreambuf_iterator<char>(in), {}};
-  if (!in.is_open() || in.bad()) return fail(ErrorCode::kIo, "cannot be read", file.string());
-  return text;
-}
-
 Result<std::shared_ptr<const KinematicTree>> load(const fs::path& file,
                                                   const HostContext& context) {
   urdf_robot::Options options;
@@ -352,7 +345,7 @@ Result<SphereProfile> SphereProfile::open(const std::string& name,
 }
 
 Result<void> SphereProfile::read() {
-  auto text = SIDESTEP_TRY(read_text(source_));
+  auto text = SIDESTEP_TRY(read_file(source_));
   auto robot = SIDESTEP_TRY(load(source_, *context_));
   text_ = std::move(text);
   robot_ = std::move(robot);
@@ -404,7 +397,7 @@ Result<std::string> SphereProfile::text_with(const std::vector<CollisionSphere>&
 Result<void> SphereProfile::save(const std::vector<CollisionSphere>& spheres) {
   SIDESTEP_TRY(check_spheres(spheres, robot_->description()));
   SIDESTEP_TRY(check_writable());
-  const auto now = SIDESTEP_TRY(read_text(source_));
+  const auto now = SIDESTEP_TRY(read_file(source_));
   if (now != text_) {
     return fail(ErrorCode::kIo, "the profile was changed meanwhile by somebody else",
                 source_.string(), "load it again");

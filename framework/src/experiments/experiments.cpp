@@ -6,9 +6,9 @@
 #include <thread>
 #include <utility>
 
+#include <sidestep/core/file.hpp>
 #include <sidestep/core/plugin_calls.hpp>
 #include <sidestep/report/result_columns.hpp>
-#include <sidestep/results/text_file.hpp>
 #include <sidestep/runtime/blocks.hpp>
 #include <sidestep/runtime/planning_settings.hpp>
 #include <sidestep/runtime/replanner.hpp>

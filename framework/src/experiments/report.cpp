@@ -2,10 +2,10 @@
 
 #include <nlohmann/json.hpp>
 
+#include <sidestep/core/file.hpp>
 #include <sidestep/experiments/experiments.hpp>
 #include <sidestep/report/report_parts.hpp>
 #include <sidestep/report/result_columns.hpp>
-#include <sidestep/results/text_file.hpp>
 #include <sidestep/runtime/results_store.hpp>
 
 #include "find_experiment.hpp"
@@ -16,6 +16,9 @@ namespace {
 namespace fs = std::filesystem;
 using namespace report;
 
+/// Deeper than any summary is nested. What copies one recurses.
+constexpr int kDeepestValue = 100;
+
 Result<Json> read_summary(const fs::path& run) {
   const fs::path file = run / "summary.json";
   auto text = read_file(file);
@@ -23,9 +26,27 @@ Result<Json> read_summary(const fs::path& run) {
     return fail(ErrorCode::kNotFound, "the folder holds no finished run", file.string(),
                 "give the folder that `sidestep run` wrote to");
   }
-  Json summary = Json::parse(*text, nullptr, false);
-  if (!summary.is_object()) return fail(ErrorCode::kIo, "the summary is damaged", file.string());
+  bool is_too_deep = false;
+  const auto is_wanted = [&](int depth, Json::parse_event_t, const Json&) {
+    is_too_deep = is_too_deep || depth > kDeepestValue;
+    return !is_too_deep;
+  };
+  Json summary = Json::parse(*text, is_wanted, false);
+  if (is_too_deep || !summary.is_object())
+    return fail(ErrorCode::kIo, "the summary is damaged", file.string());
   return summary;
+}
+
+/// What `work` makes of summaries: where a value is not of the type that it has in any run of ours,
+/// they are damaged.
+template <class Work>
+auto of_summaries(const fs::path& run, Work work) -> decltype(work()) {
+  try {
+    return work();
+  } catch (const Json::exception& exception) {
+    return fail(ErrorCode::kIo, std::string("the summary is damaged: ") + exception.what(),
+                (run / "summary.json").string());
+  }
 }
 
 std::string origin_section(const Json& summary, const fs::path& run) {
@@ -106,7 +127,8 @@ Result<std::string> results_markdown(Host& host) {
 Result<void> write_report(const fs::path& run, Host& host) {
   const auto summary = SIDESTEP_TRY(read_summary(run));
   auto results = SIDESTEP_TRY(ResultsReader::open(run / "results.sqlite"));
-  auto body = SIDESTEP_TRY(report_body(summary, *results, run, host));
+  auto body =
+      SIDESTEP_TRY(of_summaries(run, [&] { return report_body(summary, *results, run, host); }));
   const std::string title = "Sidestep: " + cell(at(summary, "/configuration"));
   return write_file(run / "report.html", html_page(title, body));
 }
@@ -133,7 +155,10 @@ Result<std::vector<ComparedRuns>> compared_rows(const std::vector<fs::path>& run
     ComparedRuns compared;
     for (std::size_t r = 0; r < runs.size(); ++r) {
       if (at(summaries[r], "/experiment") != Json(found.name())) continue;
-      add_rows(report, run_name(runs[r]), r, summaries[r], compared);
+      SIDESTEP_TRY(of_summaries(runs[r], [&]() -> Result<void> {
+        add_rows(report, run_name(runs[r]), r, summaries[r], compared);
+        return {};
+      }));
     }
     if (compared.rows.empty()) continue;
     compared.header = names_of(compared_columns(report));
@@ -175,8 +200,9 @@ Result<ExperimentOutcome> merge_shards(const std::vector<fs::path>& runs, const 
     return fail(ErrorCode::kConfig, "the folder holds one of the shards", out.string(),
                 "give another one with --merged");
   }
-  const std::string name = read_summary(runs.front()).value_or(Json()).value("experiment", "");
-  const auto found = SIDESTEP_TRY(find_experiment(name, runs.front().string(), host));
+  const Json summary = SIDESTEP_TRY(read_summary(runs.front()));
+  const auto found =
+      SIDESTEP_TRY(find_experiment(cell(at(summary, "/experiment")), runs.front().string(), host));
   auto outcome = SIDESTEP_TRY(found.experiment->merge(runs, out));
   Result<void> written;
   if (const auto configuration = read_file(runs.front() / "effective_config.yaml")) {

@@ -12,6 +12,7 @@
 #include <Eigen/Geometry>
 
 #include <sidestep/core/index.hpp>
+#include <sidestep/core/xml_tags.hpp>
 
 #include "mesh_text.hpp"
 
@@ -20,12 +21,17 @@ namespace {
 
 /// Nodes within nodes: more are a circle.
 constexpr int kDeepestNode = 100;
+/// Of all nodes and numbers, each as often as it is named: few lines that name each other twice can
+/// stand for billions.
+constexpr std::size_t kMostElements = 200'000;
+constexpr std::size_t kMostNumbers = 100'000'000;
 
 class ColladaReader {
  public:
   explicit ColladaReader(const std::string& file) : file_(file) {}
 
   [[nodiscard]] Result<Mesh> run(const std::string& text) {
+    SIDESTEP_TRY(check_xml_depth(text, file_));
     TiXmlDocument document;
     document.Parse(text.c_str());
     if (document.Error()) {
@@ -80,7 +86,7 @@ class ColladaReader {
   }
 
   template <class T>
-  [[nodiscard]] Result<std::vector<T>> numbers(const TiXmlElement& element) const {
+  [[nodiscard]] Result<std::vector<T>> numbers(const TiXmlElement& element) {
     std::vector<T> values;
     const char* const text = element.GetText();
     for (const std::string_view word : split(text != nullptr ? text : "")) {
@@ -90,10 +96,12 @@ class ColladaReader {
       }
       values.push_back(*value);
     }
+    numbers_ += values.size();
+    if (numbers_ > kMostNumbers) return wrong(element, "it names too many numbers in all");
     return values;
   }
   [[nodiscard]] Result<std::vector<double>> numbers(const TiXmlElement& element,
-                                                    std::size_t count) const {
+                                                    std::size_t count) {
     auto values = SIDESTEP_TRY(numbers<double>(element));
     if (values.size() == count) return values;
     return wrong(element, "<" + element.ValueStr() + "> has " + std::to_string(count) +
@@ -112,6 +120,8 @@ class ColladaReader {
     if (depth > kDeepestNode) return wrong(parent, "nodes stand within themselves");
     for (const TiXmlElement* child = parent.FirstChildElement(); child != nullptr;
          child = child->NextSiblingElement()) {
+      if (++elements_visited_ > kMostElements)
+        return wrong(*child, "it names too many nodes in all");
       const std::string& tag = child->ValueStr();
       if (tag == "matrix") {
         const auto rows = SIDESTEP_TRY(numbers(*child, 16));
@@ -156,7 +166,7 @@ class ColladaReader {
   }
 
   /// The points that an input VERTEX names.
-  [[nodiscard]] Result<std::vector<Eigen::Vector3d>> points(const TiXmlElement& input) const {
+  [[nodiscard]] Result<std::vector<Eigen::Vector3d>> points(const TiXmlElement& input) {
     const TiXmlElement* const vertices = SIDESTEP_TRY(named(input, "source", "vertices"));
     const TiXmlElement* position = vertices->FirstChildElement("input");
     while (position != nullptr &&
@@ -174,10 +184,11 @@ class ColladaReader {
     const auto all = SIDESTEP_TRY(numbers(*array, SIDESTEP_TRY(count(*array, "count", 0))));
     const std::size_t stride = SIDESTEP_TRY(count(*accessor, "stride", 1));
     const std::size_t first = SIDESTEP_TRY(count(*accessor, "offset", 0));
-    std::vector<Eigen::Vector3d> points(SIDESTEP_TRY(count(*accessor, "count", 0)));
-    if (stride < 3 || first + points.size() * stride > all.size()) {
+    const std::size_t wanted = SIDESTEP_TRY(count(*accessor, "count", 0));
+    if (stride < 3 || first + wanted * stride > all.size()) {
       return wrong(*accessor, "its points are not all in the <float_array>, three numbers each");
     }
+    std::vector<Eigen::Vector3d> points(wanted);
     for (std::size_t i = 0; i < points.size(); ++i) {
       points[i] = Eigen::Vector3d::Map(&all[first + i * stride]);
     }
@@ -206,7 +217,10 @@ class ColladaReader {
     if (corners == nullptr) return wrong(part, "there is no input VERTEX");
     const auto vertices = SIDESTEP_TRY(points(*corners));
     const auto first = static_cast<int>(mesh_.vertices_m.size());
-    for (const Eigen::Vector3d& p : vertices) mesh_.vertices_m.push_back(T * p);
+    for (const Eigen::Vector3d& p : vertices) {
+      mesh_.vertices_m.push_back(T * p);
+      if (!mesh_.vertices_m.back().allFinite()) return wrong(part, "a vertex is not finite");
+    }
     const bool is_mirrored = T.linear().determinant() < 0.0;
     const auto add = [&](int a, int b, int c) {
       if (is_mirrored) std::swap(b, c);
@@ -255,6 +269,7 @@ class ColladaReader {
 
   const std::string& file_;
   std::unordered_map<std::string, const TiXmlElement*> elements_;  ///< By their ids.
+  std::size_t elements_visited_ = 0, numbers_ = 0;
   Mesh mesh_;
 };
 

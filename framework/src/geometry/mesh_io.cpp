@@ -6,12 +6,11 @@
 #include <cstdint>
 #include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <limits>
 #include <map>
 #include <optional>
-#include <sstream>
 
+#include <sidestep/core/file.hpp>
 #include <sidestep/core/index.hpp>
 #include <sidestep/geometry/shape.hpp>
 
@@ -23,6 +22,7 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "binary STL is read as it lies");
 
+constexpr std::uintmax_t kMostMeshBytes = std::uintmax_t{512} << 20;
 constexpr std::size_t kStlHeaderBytes = 84;
 constexpr std::size_t kStlFacetBytes = 50;
 
@@ -211,11 +211,7 @@ Result<Mesh> read_mesh(const std::string& file) {
     return fail(ErrorCode::kConfig, "meshes are read from .stl, .obj and .dae files only", file,
                 "convert it, e.g. by `assimp export FILE FILE.stl`");
   }
-  std::ifstream stream(file, std::ios::binary);
-  std::ostringstream content;
-  content << stream.rdbuf();
-  if (!stream) return fail(ErrorCode::kIo, "the mesh file cannot be read", file);
-  const std::string bytes = std::move(content).str();
+  const std::string bytes = SIDESTEP_TRY(read_file(file, kMostMeshBytes));
   auto mesh = extension == ".stl"   ? read_stl(file, bytes)
               : extension == ".obj" ? read_obj(file, bytes)
                                     : read_collada(file, bytes);

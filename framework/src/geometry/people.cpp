@@ -1,11 +1,12 @@
+#include <sidestep/core/file.hpp>
 #include <sidestep/geometry/people.hpp>
 
 #include <cerrno>
 #include <cmath>
 #include <cstdlib>
-#include <fstream>
 #include <map>
 #include <set>
+#include <sstream>
 
 #include <sidestep/core/index.hpp>
 
@@ -241,11 +242,13 @@ class PeopleReader : private NodeReader {
     const Node* file = require(node, "file", "a recording");
     const auto path = file != nullptr ? keep(file->as_path()) : std::nullopt;
     if (!path) return;
-    std::ifstream in(*path);
-    if (!in) {
-      add(file->error("the recording '" + path->string() + "' cannot be read"));
+    const auto text = read_file(*path);
+    if (!text) {
+      add(text.error().wrapped(ErrorCode::kConfig, "the recording cannot be read",
+                               file->mark().to_string()));
       return;
     }
+    std::istringstream in(*text);
     std::map<std::int64_t, std::size_t> persons;
     std::string line;
     std::size_t number = 0;

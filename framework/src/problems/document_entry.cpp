@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include <sidestep/results/text_file.hpp>
+#include <sidestep/core/file.hpp>
 
 namespace sidestep {
 namespace {
@@ -80,10 +80,6 @@ Eigen::VectorXd DocumentEntry::numbers(std::size_t count) const {
 }
 
 Result<JsonEntry::File> JsonEntry::read(const std::string& file_name) {
-  std::error_code ignored;
-  if (!std::filesystem::is_regular_file(file_name, ignored)) {
-    return fail(ErrorCode::kNotFound, "there is no such file", file_name);
-  }
   const auto text = SIDESTEP_TRY(read_file(file_name));
   try {
     return File{file_name, nlohmann::json::parse(text), std::nullopt};

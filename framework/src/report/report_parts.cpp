@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <numeric>
 
-#include <sidestep/results/text_file.hpp>
+#include <sidestep/core/file.hpp>
 
 namespace sidestep {
 namespace {

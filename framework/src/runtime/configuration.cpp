@@ -9,6 +9,7 @@ namespace sidestep {
 namespace {
 
 constexpr int kSchemaVersion = 1;
+constexpr int kMostFiles = 200;  ///< Of a configuration, each as often as it is a base.
 const std::string kOverridePrefix = "--set ";
 
 const std::vector<std::string> kTopLevelKeys = {
@@ -61,6 +62,17 @@ class Reader {
   /// The document of a file, merged with its bases; an empty map where it cannot be read.
   Node read(const std::filesystem::path& file, const SourceMark& named_at) {
     Node empty(Node::Map{}, {file.string(), 1, 1});
+    if (++files_ > kMostFiles) {
+      if (files_ == kMostFiles + 1) {
+        errors_.push_back(Error{ErrorCode::kConfig,
+                                "more than " + std::to_string(kMostFiles) +
+                                    " files are named as bases, and bases of bases",
+                                named_at.to_string(),
+                                {},
+                                nullptr});
+      }
+      return empty;
+    }
     std::error_code unknown;  // e.g. a name too long; reading the file says so
     const std::filesystem::path identity = std::filesystem::weakly_canonical(file, unknown);
     if (std::ranges::find(open_, identity) != open_.end()) {
@@ -125,6 +137,7 @@ class Reader {
   const DocumentReader& documents_;
   std::vector<Error>& errors_;
   std::vector<std::filesystem::path> open_;
+  int files_ = 0;
   std::vector<LeftOut> left_out_;
   std::vector<std::string> bases_;  ///< Names that were met.
 };

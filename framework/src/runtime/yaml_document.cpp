@@ -1,14 +1,18 @@
 #include <sidestep/runtime/yaml_document.hpp>
 
 #include <algorithm>
-#include <fstream>
 #include <sstream>
 #include <unordered_map>
 
+#include <yaml-cpp/eventhandler.h>
 #include <yaml-cpp/yaml.h>
+
+#include <sidestep/core/file.hpp>
 
 namespace sidestep {
 namespace {
+
+constexpr std::uintmax_t kMostDocumentBytes = std::uintmax_t{8} << 20;
 
 /// Turns a YAML tree into Nodes. What leaves the rest readable is appended to `errors`.
 class Converter {
@@ -97,6 +101,25 @@ class Converter {
   std::vector<Error>& errors_;
   int depth_ = 0;
   int nodes_ = 0;
+};
+
+/// Hears of nothing but where documents begin.
+class DocumentStart final : public YAML::EventHandler {
+ public:
+  void OnDocumentStart(const YAML::Mark& at) override { mark = at; }
+  void OnDocumentEnd() override {}
+  void OnNull(const YAML::Mark&, YAML::anchor_t) override {}
+  void OnAlias(const YAML::Mark&, YAML::anchor_t) override {}
+  void OnScalar(const YAML::Mark&, const std::string&, YAML::anchor_t,
+                const std::string&) override {}
+  void OnSequenceStart(const YAML::Mark&, const std::string&, YAML::anchor_t,
+                       YAML::EmitterStyle::value) override {}
+  void OnSequenceEnd() override {}
+  void OnMapStart(const YAML::Mark&, const std::string&, YAML::anchor_t,
+                  YAML::EmitterStyle::value) override {}
+  void OnMapEnd() override {}
+
+  YAML::Mark mark;
 };
 
 bool is_control(char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; }
@@ -205,34 +228,27 @@ class Writer {
 
 Result<Node> YamlDocumentReader::read_leniently(const std::filesystem::path& file,
                                                 std::vector<Error>& errors) const {
-  std::error_code error;
-  if (!std::filesystem::exists(file, error)) {
-    return fail(ErrorCode::kNotFound, "there is no such file", file.string());
-  }
-  if (std::filesystem::is_directory(file, error)) {
-    return fail(ErrorCode::kIo, "this is a folder, not a file", file.string());
-  }
-  std::ifstream stream(file, std::ios::binary);
-  std::ostringstream text;
-  text << stream.rdbuf();
-  if (!stream) return fail(ErrorCode::kIo, "cannot be read", file.string());
-  return parse_yaml(text.str(), file.string(), errors);
+  const std::string text = SIDESTEP_TRY(read_file(file, kMostDocumentBytes));
+  return parse_yaml(text, file.string(), errors);
 }
 
 Result<Node> parse_yaml(std::string_view text, const std::string& name,
                         std::vector<Error>& errors) {
   try {
-    const std::vector<YAML::Node> documents = YAML::LoadAll(std::string(text));
-    if (documents.empty()) {
+    // Not YAML::LoadAll(), which finds documents without end in `[1], 2`.
+    std::istringstream stream{std::string(text)};
+    YAML::Parser parser(stream);
+    DocumentStart start;
+    if (!parser.HandleNextDocument(start)) {
       Node empty;
       empty.set_mark({name, 1, 1});
       return empty;
     }
-    if (documents.size() > 1) {
+    if (parser.HandleNextDocument(start)) {
       return fail(ErrorCode::kConfig, "more than one document in a file",
-                  SourceMark{name, documents[1].Mark().line + 1, 1}.to_string());
+                  SourceMark{name, start.mark.line + 1, start.mark.column + 1}.to_string());
     }
-    return Converter(name, errors).convert(documents.front());
+    return Converter(name, errors).convert(YAML::Load(std::string(text)));
   } catch (const YAML::Exception& exception) {
     const SourceMark mark{name, exception.mark.line + 1, exception.mark.column + 1};
     return fail(ErrorCode::kConfig, "not valid YAML: " + exception.msg, mark.to_string());

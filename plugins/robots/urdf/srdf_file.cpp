@@ -6,7 +6,9 @@
 #include <cmath>
 #include <string_view>
 
+#include <sidestep/core/file.hpp>
 #include <sidestep/core/format.hpp>
+#include <sidestep/core/xml_tags.hpp>
 
 namespace sidestep::urdf_robot {
 namespace {
@@ -16,15 +18,13 @@ class SrdfReader {
   explicit SrdfReader(const std::filesystem::path& file) { srdf_.file = file; }
 
   [[nodiscard]] Result<Srdf> run() {
+    const std::string text = SIDESTEP_TRY(read_file(srdf_.file));
+    SIDESTEP_TRY(check_xml_depth(text, srdf_.file.string()));
     TiXmlDocument document;
-    if (!document.LoadFile(srdf_.file.string())) {
-      const bool is_read = document.ErrorRow() > 0;
-      return fail(is_read ? ErrorCode::kConfig : ErrorCode::kIo,
-                  is_read ? document.ErrorDesc() : "cannot be read",
-                  is_read
-                      ? SourceMark{srdf_.file.string(), document.ErrorRow(), document.ErrorCol()}
-                            .to_string()
-                      : srdf_.file.string());
+    document.Parse(text.c_str());
+    if (document.Error()) {
+      return fail(ErrorCode::kConfig, document.ErrorDesc(),
+                  mark_at(document.ErrorRow(), document.ErrorCol()).to_string());
     }
     const TiXmlElement* const root = document.RootElement();
     if (root == nullptr || root->ValueStr() != "robot" ||
@@ -44,8 +44,11 @@ class SrdfReader {
   }
 
  private:
+  [[nodiscard]] SourceMark mark_at(int row, int column) const {
+    return {srdf_.file.string(), row, column};
+  }
   [[nodiscard]] SourceMark mark(const TiXmlBase& where) const {
-    return {srdf_.file.string(), where.Row(), where.Column()};
+    return mark_at(where.Row(), where.Column());
   }
   [[nodiscard]] Result<std::string> attribute(const TiXmlElement& element, const char* name) const {
     if (const char* const text = element.Attribute(name)) return std::string(text);

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <fstream>
 #include <iterator>
 #include <mutex>
 #include <string_view>
@@ -13,7 +12,9 @@
 #include <console_bridge/console.h>
 #include <urdf_parser/urdf_parser.h>
 
+#include <sidestep/core/file.hpp>
 #include <sidestep/core/index.hpp>
+#include <sidestep/core/xml_tags.hpp>
 
 #include "urdf_outline.hpp"
 
@@ -55,6 +56,9 @@ Transform transform(const urdf::Pose& pose) {
   T.rotate(rotation.normalized());
   return T;
 }
+
+constexpr std::uintmax_t kMostUrdfBytes = std::uintmax_t{16} << 20;
+constexpr std::size_t kMostMistakesTold = 50;
 
 /// Nothing for a geometry that urdfdom left out.
 std::optional<UrdfShape> shape_of(const urdf::Collision& collision, const SourceMark& mark) {
@@ -183,17 +187,12 @@ std::vector<std::string> UrdfModel::link_names() const {
 }
 
 std::optional<UrdfModel> read_urdf(const std::filesystem::path& file, std::vector<Error>& errors) {
-  std::error_code ignored;
-  if (!std::filesystem::is_regular_file(file, ignored)) {
-    errors.push_back({ErrorCode::kNotFound, "there is no such URDF file", file.string()});
+  const auto read = read_file(file, kMostUrdfBytes);
+  if (!read) {
+    errors.push_back(read.error());
     return {};
   }
-  std::ifstream stream(file, std::ios::binary);
-  const std::string text{std::istreambuf_iterator<char>(stream), {}};
-  if (stream.bad()) {
-    errors.push_back({ErrorCode::kIo, "the URDF file cannot be read", file.string()});
-    return {};
-  }
+  const std::string& text = *read;
   const std::size_t before = errors.size();
   std::vector<Error> mistakes;
   const UrdfOutline outline = outline_urdf(text, file.string(), mistakes);
@@ -221,58 +220,18 @@ std::optional<UrdfModel> read_urdf(const std::filesystem::path& file, std::vecto
 Error all_of(std::vector<Error> errors, const std::string& what) {
   if (errors.size() == 1) return std::move(errors.front());
   std::string message = what + " has " + std::to_string(errors.size()) + " mistakes:";
-  for (const Error& error : errors) message += "\n  " + error.describe();
+  const std::size_t told = std::min(errors.size(), kMostMistakesTold);
+  for (std::size_t i = 0; i < told; ++i) message += "\n  " + errors[i].describe();
+  if (told < errors.size()) {
+    message += "\n  and " + std::to_string(errors.size() - told) + " more";
+  }
   return Error{errors.front().code, std::move(message), {}};
 }
 
-namespace {
-
-/// What is not markup of elements, from its first characters to its last.
-constexpr std::array<std::pair<std::string_view, std::string_view>, 4> kSkipped = {
-    {{"<!--", "-->"}, {"<![CDATA[", "]]>"}, {"<?", "?>"}, {"<!", ">"}}};
-
-/// Behind the '>' that ends a tag; those in quoted values do not.
-std::size_t end_of_tag(std::string_view text, std::size_t at) {
-  char quote = '\0';
-  for (; at < text.size(); ++at) {
-    const char c = text[at];
-    if (quote != '\0') {
-      if (c == quote) quote = '\0';
-    } else if (c == '"' || c == '\'') {
-      quote = c;
-    } else if (c == '>') {
-      return at + 1;
-    }
-  }
-  return text.size();
-}
-
-}  // namespace
-
 std::size_t count_collisions(std::string_view text) {
   std::size_t count = 0;
-  std::vector<std::string_view> open;  // the names of the elements around
-  for (std::size_t at = text.find('<'); at < text.size(); at = text.find('<', at)) {
-    const std::string_view rest = text.substr(at);
-    const auto* const skipped = std::ranges::find_if(
-        kSkipped, [&](const auto& ends) { return rest.starts_with(ends.first); });
-    if (skipped != kSkipped.end()) {
-      const std::size_t end = rest.find(skipped->second, skipped->first.size());
-      at = end == std::string_view::npos ? text.size() : at + end + skipped->second.size();
-      continue;
-    }
-    const std::size_t end = end_of_tag(text, at);
-    if (rest.starts_with("</")) {
-      if (!open.empty()) open.pop_back();
-    } else {
-      const std::size_t length = std::min(rest.find_first_of(" \t\r\n/>", 1), rest.size());
-      const std::string_view name = rest.substr(1, length - 1);
-      const bool is_in_link = open.size() == 2 && open[0] == "robot" && open[1] == "link";
-      if (is_in_link && name == "collision") ++count;
-      if (text[end - 1] == '>' && text[end - 2] != '/') open.push_back(name);
-    }
-    at = end;
-  }
+  constexpr std::array<std::string_view, 3> kCollision = {"robot", "link", "collision"};
+  visit_elements(text, "?>", [&](auto names) { count += std::ranges::equal(names, kCollision); });
   return count;
 }
 

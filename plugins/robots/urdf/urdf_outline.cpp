@@ -6,9 +6,12 @@
 #include <set>
 
 #include <sidestep/core/index.hpp>
+#include <sidestep/core/xml_tags.hpp>
 
 namespace sidestep::urdf_robot {
 namespace {
+
+constexpr std::size_t kMostLinks = 1000;
 
 class Outliner {
  public:
@@ -16,6 +19,10 @@ class Outliner {
       : file_(std::move(file)), errors_(errors) {}
 
   UrdfOutline run(const std::string& text) {
+    if (auto checked = check_xml_depth(text, file_); !checked) {
+      errors_.push_back(std::move(checked.error()));
+      return {};
+    }
     TiXmlDocument document;
     document.Parse(text.c_str(), nullptr, TIXML_ENCODING_UTF8);
     if (document.Error()) {
@@ -71,6 +78,7 @@ class Outliner {
     for (const TiXmlElement* element = robot.FirstChildElement(); element != nullptr;
          element = element->NextSiblingElement()) {
       const std::string& tag = element->ValueStr();
+      if (is_too_large()) break;
       if (tag == "link") {
         read_link(*element);
       } else if (tag == "joint") {
@@ -78,6 +86,15 @@ class Outliner {
       }
     }
     if (outline_.links.empty()) report(mark(robot), "the robot has no <link>");
+    if (is_too_large()) {
+      report(mark(robot), "the robot has more than " + std::to_string(kMostLinks) +
+                              " links or joints, which are not read");
+    }
+  }
+
+  /// Each is looked for among all before it.
+  [[nodiscard]] bool is_too_large() const {
+    return std::max(outline_.links.size(), outline_.joints.size()) > kMostLinks;
   }
 
   void read_link(const TiXmlElement& element) {

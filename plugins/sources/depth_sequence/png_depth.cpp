@@ -16,6 +16,7 @@ namespace {
 constexpr std::array<std::uint8_t, 8> kSignature = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'};
 constexpr std::size_t kHeaderBytes = 33;  // signature, and the IHDR chunk with its checksum
 constexpr std::uint32_t kMaxSide_px = 16384;
+constexpr std::size_t kMostDeflation = 1032;  // of zlib
 
 /// What libpng's callbacks share. Plain data: libpng leaves decode() by longjmp, which skips
 /// destructors.
@@ -138,8 +139,16 @@ Result<RawDepth> read_png_depth(const std::filesystem::path& file) {
   const auto bytes = SIDESTEP_TRY(read_bytes(file, std::uintmax_t{1} << 30));
   const auto size = SIDESTEP_TRY(parse_header(bytes, file.string()));
   RawDepth image{size, {}};
-  image.values.resize(static_cast<std::size_t>(size.width_px) *
-                      static_cast<std::size_t>(size.height_px));
+  const std::size_t pixels =
+      static_cast<std::size_t>(size.width_px) * static_cast<std::size_t>(size.height_px);
+  if (pixels * sizeof(image.values[0]) > kMostDeflation * bytes.size()) {
+    return fail(ErrorCode::kBadFrame,
+                "the header tells of " + std::to_string(size.width_px) + " x " +
+                    std::to_string(size.height_px) + " pixels, which " +
+                    std::to_string(bytes.size()) + " bytes cannot hold",
+                file.string());
+  }
+  image.values.resize(pixels);
   Decoding decoding{bytes.data(), bytes.size(), 0, {}};
   if (!decode(decoding, image.values.data(), size.width_px, size.height_px)) {
     return fail(ErrorCode::kBadFrame,

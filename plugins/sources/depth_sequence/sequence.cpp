@@ -4,12 +4,13 @@
 #include <charconv>
 #include <cmath>
 #include <cstdlib>
-#include <fstream>
 #include <map>
 #include <optional>
 #include <sstream>
 
 #include <Eigen/SVD>
+
+#include <sidestep/core/file.hpp>
 
 #include "recorded_frames.hpp"
 
@@ -307,14 +308,11 @@ Result<Transform> rigid_transform(const Eigen::Matrix4d& matrix, ErrorCode code,
   return transform;
 }
 
+constexpr std::uintmax_t kMostMatrixBytes = 1 << 16;
+
 Result<Eigen::MatrixXd> read_matrix(const std::filesystem::path& file, int rows, int columns,
                                     ErrorCode code) {
-  std::error_code ignored;
-  if (!std::filesystem::is_regular_file(file, ignored)) {
-    return fail(ErrorCode::kNotFound, "there is no such file", file.string());
-  }
-  std::ifstream stream(file);
-  if (!stream) return fail(ErrorCode::kIo, "the file cannot be read", file.string());
+  std::istringstream stream(SIDESTEP_TRY(read_file(file, kMostMatrixBytes)));
   const std::string expected =
       "expected " + std::to_string(rows) + " x " + std::to_string(columns) + " numbers";
   Eigen::MatrixXd matrix(rows, columns);

@@ -5,15 +5,18 @@
 #include <bit>
 #include <charconv>
 #include <cmath>
+#include <cstdlib>
 #include <cstring>
-#include <fstream>
 #include <limits>
 #include <sstream>
+
+#include <sidestep/core/file.hpp>
 
 namespace sidestep::pcd {
 namespace {
 
 constexpr std::size_t kLongestCopy = 264;
+constexpr std::size_t kMostBytesPerPoint = std::size_t{1} << 26;
 
 using Words = std::vector<std::string>;
 
@@ -167,6 +170,11 @@ class HeaderReader {
     if (header_.points > std::numeric_limits<std::uint32_t>::max()) {
       return bad("the header names " + std::to_string(header_.points) + " points");
     }
+    // So that the bytes of all points can be counted in 64 bits.
+    if (header_.bytes_per_point() > kMostBytesPerPoint) {
+      return bad("the header names points of " + std::to_string(header_.bytes_per_point()) +
+                 " bytes");
+    }
     header_.data_offset = std::min(at_, content_.size());
     header_.data_line = line_ + 1;
     return header_;
@@ -263,7 +271,11 @@ Result<std::vector<Eigen::Vector3f>> read_ascii(std::string_view content, const 
       for (std::size_t axis = 0; axis < 3; ++axis) {
         if (coordinates[axis].value != value) continue;
         double number = 0.0;
-        const auto [number_end, error] = std::from_chars(word, word_end, number);
+        auto [number_end, error] = std::from_chars(word, word_end, number);
+        // Beyond the largest number, or next to 0.
+        if (error == std::errc::result_out_of_range) {
+          number = std::strtod(std::string(word, word_end).c_str(), nullptr);
+        }
         if (error == std::errc::invalid_argument || number_end != word_end) {
           return bad("expected a number, found '" + std::string(word, word_end) + "'");
         }
@@ -408,13 +420,13 @@ Result<PcdHeader> read_pcd_header(std::string_view content, const std::string& f
   return HeaderReader(content, file).read();
 }
 
+constexpr std::uintmax_t kMostCloudBytes = std::uintmax_t{1} << 30;
+
 Result<PcdCloud> read_pcd(const std::filesystem::path& path) {
   const std::string file = path.string();
-  std::ifstream stream(path, std::ios::binary);
-  if (!stream) return fail(ErrorCode::kBadFrame, "the file cannot be read", file);
-  std::ostringstream buffer;
-  buffer << stream.rdbuf();
-  const std::string content = std::move(buffer).str();
+  const auto read = read_file(path, kMostCloudBytes);
+  if (!read) return fail(ErrorCode::kBadFrame, read.error().message, file);
+  const std::string& content = *read;
   if (content.empty()) return fail(ErrorCode::kBadFrame, "the file is empty", file);
 
   const auto header = SIDESTEP_TRY(read_pcd_header(content, file));

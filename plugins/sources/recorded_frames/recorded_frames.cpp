@@ -1,13 +1,13 @@
 #include "recorded_frames.hpp"
 
-#include <fstream>
 #include <sstream>
+
+#include <sidestep/core/file.hpp>
 
 namespace sidestep::recorded_frames {
 
 Result<void> for_each_line(const std::filesystem::path& file, const HandleWords& handle) {
-  std::ifstream stream(file);
-  if (!stream) return fail(ErrorCode::kNotFound, "there is no such file", file.string());
+  std::istringstream stream(SIDESTEP_TRY(read_file(file)));
   int number = 0;
   for (std::string line; std::getline(stream, line);) {
     ++number;

@@ -9,7 +9,9 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
+#include <sidestep/core/file.hpp>
 #include <sidestep/report/result_columns.hpp>
 #include <sidestep/runtime/results_store.hpp>
 
@@ -218,6 +220,31 @@ TEST_F(ReportTest, NamesWhatIsMissingOrDamaged) {
   written = write_report(run_, host_.host);
   ASSERT_FALSE(written);
   EXPECT_EQ(written.error().code, ErrorCode::kNotFound);
+}
+
+TEST_F(ReportTest, SummariesOfOtherTypesAreDamaged) {
+  using Json = nlohmann::json;
+  const Json summary = Json::parse(kSummary);
+  int refused = 0;
+  for (const Json& other : {Json(nullptr), Json(1e308), Json("text"), Json::array({Json::object()}),
+                            Json::object({{"a", Json::array()}})}) {
+    for (const auto& [key, value] : summary.items()) {
+      Json damaged = summary;
+      damaged[key] = other;
+      ASSERT_TRUE(write_file(run_ / "summary.json", damaged.dump()));
+      const auto written = write_report(run_, host_.host);
+      const auto compared = compare_runs({run_, run_}, {}, host_.host);
+      const bool is_shard = are_shards({run_});
+      EXPECT_EQ(is_shard, key == "shard" && other.is_object());
+      for (const Error* error :
+           {written ? nullptr : &written.error(), compared ? nullptr : &compared.error()}) {
+        if (error == nullptr) continue;
+        ++refused;
+        EXPECT_NE(error->describe().find("summary.json"), std::string::npos) << error->describe();
+      }
+    }
+  }
+  EXPECT_GT(refused, 0);
 }
 
 TEST_F(ReportTest, ComparesRunsPlanByPlan) {

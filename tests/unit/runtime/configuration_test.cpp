@@ -109,6 +109,25 @@ TEST_F(ConfigurationFiles, ANameThatNoFileCanHaveIsAnError) {
   EXPECT_EQ(read(folder_ / name).errors.size(), 1u);
 }
 
+TEST_F(ConfigurationFiles, BasesThatDoubleAtEachLevelEnd) {
+  for (int i = 0; i < 40; ++i) {
+    const std::string next = "level_" + std::to_string(i + 1) + ".yaml";
+    write("level_" + std::to_string(i) + ".yaml", "base: [" + next + ", " + next + "]\n");
+  }
+  write("level_40.yaml", "robot: {plugin: point}\n");
+  const auto file = write("a.yaml", "schema_version: 1\nbase: level_0.yaml\n");
+  EXPECT_THAT(errors(read(file)),
+              ElementsAre(HasSubstr("more than 200 files are named as bases, and bases of bases")));
+}
+
+TEST_F(ConfigurationFiles, ABaseIsARegularFileOfBoundedSize) {
+  EXPECT_THAT(errors(read(write("a.yaml", "schema_version: 1\nbase: /dev/zero\n"))),
+              ElementsAre(HasSubstr("this is a pipe or a device, not a file")));
+  write("large.yaml", std::string(9 << 20, ' '));
+  EXPECT_THAT(errors(read(write("b.yaml", "schema_version: 1\nbase: large.yaml\n"))),
+              ElementsAre(HasSubstr("the file has 9 MiB; 8 MiB at most are read")));
+}
+
 TEST_F(ConfigurationFiles, PluginPathsAreAListOfPaths) {
   EXPECT_THAT(errors(read(write("a.yaml", "schema_version: 1\nplugin_paths: /opt/plugins\n"))),
               ElementsAre("a.yaml:2:15: 'plugin_paths': expected a list of paths, found a string"));

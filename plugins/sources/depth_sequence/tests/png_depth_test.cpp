@@ -49,6 +49,20 @@ TEST_F(PngDepth, RefusesOtherKindsOfImage) {
   EXPECT_THAT(read_png_size(file).error().describe(), HasSubstr("four channels of 8 bits;"));
 }
 
+TEST_F(PngDepth, RefusesAHeaderThatPromisesMoreThanTheFileCanHold) {
+  const auto file = folder_.path() / "small.png";
+  testing::write_png(file, 16, 12, noise(16 * 12));
+  std::string bytes = testing::read_file(file);
+  bytes[18] = bytes[22] = 0x40;  // 16,384 x 16,384, the most that is read
+  bytes[19] = bytes[23] = 0;
+  const auto image = read_png_depth(folder_.write("lies.png", bytes));
+  ASSERT_FALSE(image);
+  EXPECT_EQ(image.error().code, ErrorCode::kBadFrame);
+  EXPECT_THAT(image.error().describe(),
+              AllOf(HasSubstr("lies.png"), HasSubstr("16384 x 16384 pixels, which "),
+                    HasSubstr("bytes cannot hold")));
+}
+
 TEST_F(PngDepth, FailsCleanlyWhereverTheFileIsCut) {
   const auto file = folder_.path() / "whole.png";
   testing::write_png(file, 40, 30, noise(40 * 30));

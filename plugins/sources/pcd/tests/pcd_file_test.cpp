@@ -96,7 +96,7 @@ TEST_F(PcdFile, FindsTheCoordinatesAmongOtherFieldsAndInDoubles) {
 TEST_F(PcdFile, DropsPointsThatAreNotFinite) {
   const float nan = std::numeric_limits<float>::quiet_NaN();
   const float infinity = std::numeric_limits<float>::infinity();
-  const auto ascii = read(header(4, "ascii") + "1 2 3\nnan nan nan\n4 -inf 6\r\n7 8 9\n");
+  const auto ascii = read(header(4, "ascii") + "1 2 3\nnan nan nan\n4 -1e999 6\r\n7 8 9\n");
   ASSERT_TRUE(ascii) << ascii.error().describe();
   EXPECT_THAT(ascii->points_m, ElementsAre(Eigen::Vector3f(1, 2, 3), Eigen::Vector3f(7, 8, 9)));
   const auto binary = read(binary_pcd({{1, 2, 3}, {nan, 0, 0}, {0, 0, infinity}}));
@@ -184,6 +184,21 @@ TEST_F(PcdFile, SaysWhatIsWrongAndWhere) {
 }
 
 // Wherever a file is cut and whichever of its bytes is another, reading ends, with points or not.
+/// Points of 2^33 bytes, 2^31 of them: 0 bytes, where they are counted in 64 bits.
+TEST_F(PcdFile, RefusesPointsThatCannotBeCounted) {
+  const auto line = [](const std::string& key, const std::string& xyz, const std::string& large,
+                       const std::string& last) {
+    std::string text = key + " " + xyz;
+    for (int i = 0; i < 1023; ++i) text += " " + large;
+    return text + " " + last + "\n";
+  };
+  EXPECT_THAT(complaint(line("FIELDS", "x y z", "n", "a b") + line("SIZE", "4 4 4", "8", "4 4") +
+                        line("TYPE", "F F F", "U", "U U") +
+                        line("COUNT", "1 1 1", "1048576", "1048576 1048573") +
+                        "POINTS 2147483648\nDATA binary\n"),
+              HasSubstr("names points of 8589934592 bytes"));
+}
+
 TEST_F(PcdFile, SurvivesAnyCutAndAnyWrongByte) {
   Points points;
   for (int i = 0; i < 40; ++i) points.emplace_back(0.1F * i, 1.0F, 0.0F);

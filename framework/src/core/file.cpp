@@ -1,0 +1,70 @@
+#include <sidestep/core/file.hpp>
+
+#include <fstream>
+#include <system_error>
+#include <utility>
+
+namespace sidestep {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string size_text(std::uintmax_t bytes) {
+  constexpr std::uintmax_t kMebi = std::uintmax_t{1} << 20;
+  return bytes < kMebi ? std::to_string(bytes) + " bytes" : std::to_string(bytes / kMebi) + " MiB";
+}
+
+}  // namespace
+
+Result<std::string> read_file(const fs::path& file, std::uintmax_t limit_bytes) {
+  std::error_code error;
+  const fs::file_status status = fs::status(file, error);
+  if (!fs::exists(status)) {
+    if (status.type() == fs::file_type::not_found) {
+      return fail(ErrorCode::kNotFound, "there is no such file", file.string());
+    }
+    return fail(ErrorCode::kIo, "cannot be read: " + error.message(), file.string());
+  }
+  if (fs::is_directory(status)) {
+    return fail(ErrorCode::kIo, "this is a folder, not a file", file.string());
+  }
+  if (!fs::is_regular_file(status)) {
+    return fail(ErrorCode::kIo, "this is a pipe or a device, not a file", file.string());
+  }
+  std::ifstream in(file, std::ios::binary);
+  if (!in) return fail(ErrorCode::kIo, "cannot be read", file.string());
+  const std::uintmax_t size = fs::file_size(file, error);
+  if (error) return fail(ErrorCode::kIo, "cannot be read: " + error.message(), file.string());
+  if (size > limit_bytes) {
+    return fail(
+        ErrorCode::kIo,
+        "the file has " + size_text(size) + "; " + size_text(limit_bytes) + " at most are read",
+        file.string());
+  }
+  std::string bytes(size, '\0');
+  in.read(bytes.data(), static_cast<std::streamsize>(size));
+  // One that was cut meanwhile, or of /proc, has other bytes than it says.
+  bytes.resize(static_cast<std::size_t>(in.gcount()));
+  if (in.bad()) return fail(ErrorCode::kIo, "cannot be read", file.string());
+  return bytes;
+}
+
+Result<void> write_file(const fs::path& file, std::string_view text) {
+  fs::path part = file;
+  part += ".part";
+  std::ofstream out(part, std::ios::binary);
+  out << text;
+  out.close();
+  std::error_code error;
+  if (out) {
+    fs::rename(part, file, error);
+    if (!error) return {};
+  }
+  std::error_code ignored;
+  fs::remove(part, ignored);
+  return fail(ErrorCode::kIo,
+              "cannot be written" + (error ? ": " + error.message() : std::string()),
+              file.string());
+}
+
+}  // namespace sidestep
