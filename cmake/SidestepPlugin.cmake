@@ -1,11 +1,11 @@
-# sidestep_add_plugin(NAME KIND kind SOURCES ... [LINK library...])
+# sidestep_add_plugin(NAME KIND kind SOURCES ... [LINK library...] [COMPONENT component])
 #
 # A Sidestep plugin: the shared library lib<kind>_<name>.so, whose one exported symbol is
 # sidestep_plugin(). KIND is source, mapper, field, robot, optimiser, executor, cost, predictor, gaze, localiser
 # or experiment, which links Sidestep::runtime, too. In a build of Sidestep itself it lands beside the others; elsewhere, in the
 # current binary folder. Installed with Sidestep, for third parties too.
 function(sidestep_add_plugin name)
-  cmake_parse_arguments(ARG "" "KIND" "SOURCES;LINK" ${ARGN})
+  cmake_parse_arguments(ARG "" "KIND;COMPONENT" "SOURCES;LINK" ${ARGN})
   set(target ${ARG_KIND}_${name})
   if("sidestep_${name}" IN_LIST ARG_LINK)  # sidestep_add_plugin_library: the entry point is compiled with it
     target_sources(sidestep_${name} PRIVATE ${ARG_SOURCES})
@@ -34,7 +34,10 @@ function(sidestep_add_plugin name)
     set_target_properties(${target} PROPERTIES
       LIBRARY_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/lib/sidestep/plugins
       INSTALL_RPATH "$ORIGIN/../..")
-    install(TARGETS ${target} LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/sidestep/plugins)
+    if(NOT ARG_COMPONENT)
+      set(ARG_COMPONENT plugins)
+    endif()
+    install(TARGETS ${target} LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/sidestep/plugins COMPONENT ${ARG_COMPONENT})
   endif()
 endfunction()
 

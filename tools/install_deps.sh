@@ -2,9 +2,10 @@
 # Installs, with apt, the Debian 12 packages that building, testing and running Sidestep needs.
 # Does nothing when all are there. Uses sudo when not root.
 #
-#   tools/install_deps.sh          what building, testing and running need
-#   tools/install_deps.sh --dev    also clang-format, clang-tidy, ROS 1 for the plugins that speak it, what
-#                                  the Python module needs, Slurm, and what some tests hold results against
+#   tools/install_deps.sh             what building, testing and running need
+#   tools/install_deps.sh --packages  also ROS 1 for the plugins that speak it, what the Python module needs, and
+#                                     help2man, with which manual pages are written
+#   tools/install_deps.sh --dev       also clang-format, clang-tidy, Slurm, and what some tests hold results against
 set -euo pipefail
 
 packages=(
@@ -27,15 +28,27 @@ packages=(
 # the viewer's page and tests/net; a Node that comes from elsewhere brings an npm of its own
 command -v node >/dev/null || packages+=(nodejs)
 command -v npm >/dev/null || packages+=(npm)
+case "${1:-}" in
+  "") ;;
+  --packages | --dev)
+    # ROS 1, for source rosbag; for source and executor ros1 and tools/fake_hsr
+    packages+=(libroscpp-core-dev libsensor-msgs-dev libnav-msgs-dev libtf2-msgs-dev libbz2-dev liblz4-dev
+      libroscpp-dev libtrajectory-msgs-dev libvisualization-msgs-dev libactionlib-msgs-dev)
+    # the Python module
+    packages+=(python3-dev pybind11-dev python3-numpy)
+    packages+=(help2man)  # manual pages
+    ;;
+  *)
+    echo "usage: tools/install_deps.sh [--packages | --dev]" >&2
+    exit 2
+    ;;
+esac
 if [ "${1:-}" = "--dev" ]; then
   packages+=(clang-format clang-tidy)
-  # ROS 1, for source rosbag and its tests
-  packages+=(libroscpp-core-dev libsensor-msgs-dev libnav-msgs-dev libtf2-msgs-dev libbz2-dev liblz4-dev
-    librosbag-storage-dev)
+  packages+=(clang libclang-rt-14-dev)  # with which tools/fuzz.sh builds
+  # the tests of ROS 1
+  packages+=(librosbag-storage-dev python3-rosmaster python3-roslaunch python3-rostopic)
   packages+=(chromium fonts-inter)  # for the tests and pictures of the viewer's page
-  # ROS 1, for source and executor ros1, tools/fake_hsr and their tests
-  packages+=(libroscpp-dev libtrajectory-msgs-dev libvisualization-msgs-dev libactionlib-msgs-dev
-    python3-rosmaster python3-roslaunch python3-rostopic)
   packages+=(ompl-demos)  # ompl_benchmark_statistics, with which a test reads a benchmark's database
   # with which tests read recordings
   packages+=(python3-rosbag python3-std-msgs python3-sensor-msgs python3-tf2-msgs)
@@ -43,11 +56,8 @@ if [ "${1:-}" = "--dev" ]; then
   packages+=(slurm-wlm)  # with which a test has a cluster do a sweep
   packages+=(python3-sphinx furo python3-myst-parser python3-breathe doxygen)  # the site of the documentation
   packages+=(ffmpeg)  # its films
-  # the Python module, and what sidestep.results needs
-  packages+=(python3-dev pybind11-dev python3-numpy python3-pandas python3-matplotlib)
-elif [ $# -gt 0 ]; then
-  echo "usage: tools/install_deps.sh [--dev]" >&2
-  exit 2
+  packages+=(python3-pandas python3-matplotlib)  # what sidestep.results needs
+  packages+=(lintian mmdebstrap)  # which check packages, and try them on a new root
 fi
 
 missing=()

@@ -33,6 +33,10 @@ std::string how_to_build(const NotBuiltPlugin& plugin) {
            "' is not built yet: `tools/run.sh CONFIGURATION` builds what a configuration names, "
            "`tools/build.sh` everything";
   }
+  if (plugin.packages.starts_with("sidestep-")) {  // Sidestep itself was installed as packages
+    return "'" + plugin.name + "' is in another package: `sudo apt install " + plugin.packages +
+           "`";
+  }
   return "'" + plugin.name + "' was not built: `sudo apt install " + plugin.packages +
          "`, then build again";
 }

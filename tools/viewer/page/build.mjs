@@ -2,7 +2,7 @@
 //
 //   node build.mjs [--outdir FOLDER]   both pages, viewer.js, spheres.js, ...; dist unless said
 //   node build.mjs --tests             build/tests/*.js
-import { copyFile, mkdir, readdir } from "node:fs/promises";
+import { copyFile, mkdir, readdir, readFile } from "node:fs/promises";
 import path from "node:path";
 import { fileURLToPath } from "node:url";
 import { build } from "esbuild";
@@ -21,6 +21,12 @@ async function buildPage(folder) {
     legalComments: "eof",
   });
   for (const name of ["index.html", "spheres.html", "icon.svg"]) await copyFile(path.join(here, name), path.join(folder, name));
+  // The licences of what is bundled want to be kept with it.
+  await mkdir(path.join(folder, "licences"), { recursive: true });
+  const { dependencies } = JSON.parse(await readFile(path.join(here, "package.json"), "utf8"));
+  for (const name of Object.keys(dependencies)) {
+    await copyFile(path.join(here, "node_modules", name, "LICENSE"), path.join(folder, "licences", name));
+  }
 }
 
 async function buildTests() {
