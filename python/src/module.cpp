@@ -11,9 +11,6 @@
 namespace sidestep::python {
 namespace {
 
-/// The version of the headers that this is compiled with.
-constexpr const char* kBuiltFor = "sidestep module " SIDESTEP_MODULE_VERSION;
-
 /// sidestep.Error; lives as long as the interpreter.
 py::handle error_type;
 
@@ -167,9 +164,9 @@ py::ssize_t rows_of(const Doubles& array, py::ssize_t columns, const char* what)
 
 PYBIND11_MODULE(_core, module) {
   // What follows hands over objects whose layout both have to agree about.
-  const std::string_view built_for = kBuiltFor + sizeof "sidestep module " - 1;
-  if (built_for != library_version()) {
-    throw py::import_error("the module sidestep is of version " + std::string(built_for) +
+  constexpr std::string_view kBuiltFor = SIDESTEP_MODULE_VERSION;
+  if (kBuiltFor != library_version()) {
+    throw py::import_error("the module sidestep is of version " + std::string(kBuiltFor) +
                            ", the library that it has loaded of " + library_version() +
                            ": install both of one version");
   }
