@@ -82,7 +82,8 @@ def write_api():
     """A page for each folder of public headers, a section for each header."""
     api.mkdir()
     for folder in sorted(path for path in include.glob("sidestep/*") if path.is_dir()):
-        lines = [folder.name, "=" * len(folder.name), ""]
+        title = f"sidestep/{folder.name}"
+        lines = [title, "=" * len(title), ""]
         for name in sorted(name for name in labels if name.startswith(f"sidestep/{folder.name}/")):
             lines += [f".. _{labels[name]}:", "", name, "-" * len(name), "", f".. doxygenfile:: {name}", ""]
         (api / f"{folder.name}.rst").write_text("\n".join(lines))
