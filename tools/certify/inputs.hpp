@@ -29,12 +29,12 @@ struct RobotInput {
 /// and those that it may touch. Fails with kConfig for links that there are not. `where`: for
 /// messages.
 [[nodiscard]] Result<std::shared_ptr<const KinematicTree>> carrying(
-    const KinematicTree& robot, std::span<const AttachedObject> objects, const std::string& where);
+    const KinematicTree& robot, std::span<const CarriedObject> objects, const std::string& where);
 
 /// What a robot keeps apart from, and what it carries.
 struct SceneInput {
   CertifiedScene apart_from;
-  std::vector<AttachedObject> attached;
+  std::vector<CarriedObject> attached;
 };
 /// Reads a scene, all in the frame of the robot's root:
 /// - YAML of this project (docs/reference/scenes.md), or a PlanningScene of MoveIt

@@ -151,12 +151,12 @@ Result<std::shared_ptr<const KinematicTree>> read_certified_robot(const RobotInp
 }
 
 Result<std::shared_ptr<const KinematicTree>> carrying(const KinematicTree& robot,
-                                                      std::span<const AttachedObject> objects,
+                                                      std::span<const CarriedObject> objects,
                                                       const std::string& where) {
   RobotDescription description = robot.description();
   std::vector<TreeJoint> joints = robot.tree_joints();
   const std::size_t links = description.links.size();
-  for (const AttachedObject& object : objects) {
+  for (const CarriedObject& object : objects) {
     std::set<int> may_touch;
     const auto find = [&](const std::string& name) -> Result<int> {
       if (const auto link = robot.description().link_index(name)) return *link;

@@ -254,9 +254,9 @@ void read_object(const DocumentEntry& object, Transform T_root_object, const fs:
 }
 
 /// A moveit_msgs AttachedCollisionObject.
-AttachedObject read_attached(const DocumentEntry& entry, const fs::path& folder) {
+CarriedObject read_attached(const DocumentEntry& entry, const fs::path& folder) {
   const DocumentEntry object = entry["object"];
-  AttachedObject attached{object["id"].text(), entry["link_name"].text(), {}, {}};
+  CarriedObject attached{object["id"].text(), entry["link_name"].text(), {}, {}};
   const std::string frame = object["header"]["frame_id"].text();
   if (!frame.empty() && frame != attached.link) {
     object["header"]["frame_id"].complain("object '" + attached.name + "' is attached to '" +

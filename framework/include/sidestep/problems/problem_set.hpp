@@ -44,7 +44,7 @@ struct SetProblem {
     const std::filesystem::path& folder, const RobotDescription& robot);
 
 /// What a robot carries, fixed to a link.
-struct AttachedObject {
+struct CarriedObject {
   std::string name;
   std::string link;
   std::vector<std::string> touch_links;  ///< That it may touch, besides its own.
@@ -53,7 +53,7 @@ struct AttachedObject {
 
 struct PlanningScene {
   Scene world;
-  std::vector<AttachedObject> attached;
+  std::vector<CarriedObject> attached;
 };
 
 /// A moveit_msgs PlanningScene, as YAML, in the frame of the robot's root. `folder`: that its
