@@ -17,4 +17,4 @@ Result<std::unique_ptr<StateCost>> create(const Options&, const HostContext&) {
 
 }  // namespace
 
-SIDESTEP_PLUGIN(StateCost, Options, create, "one_of_two", "2", "The other")
+SIDESTEP_DESCRIPTOR(cost_of_two, StateCost, Options, create, "one_of_two", "2", "The other")

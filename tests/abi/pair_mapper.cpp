@@ -17,4 +17,6 @@ Result<std::unique_ptr<Mapper>> create(const Options&, const HostContext&) {
 
 }  // namespace
 
-SIDESTEP_PLUGIN(Mapper, Options, create, "one_of_two", "1", "One of two in a library")
+SIDESTEP_DESCRIPTOR(mapper_of_two, Mapper, Options, create, "one_of_two", "1",
+                    "One of two in a library")
+SIDESTEP_PLUGINS(mapper_of_two, cost_of_two)

@@ -6,6 +6,9 @@
 set -euo pipefail
 sidestep=$1 page=$2 not_built=$3
 
+# Each plugin is in one library.
+if "$sidestep" plugins 2>&1 >/dev/null | grep 'is taken from'; then exit 1; fi
+
 "$sidestep" plugins --markdown |
   diff -u <(awk '
     FNR == NR { if (NF > 1) missing["## " $1 ": " $2] = 1; next }

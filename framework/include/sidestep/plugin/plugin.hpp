@@ -37,6 +37,9 @@
 
 namespace sidestep {
 
+/// Describes a plugin; `next` is another one of its library, or null.
+using DescriptorFunction = const PluginDescriptor*(const PluginDescriptor* next);
+
 /// Kind and interface version of each interface a plugin can implement.
 template <class Interface>
 struct PluginTraits;
@@ -171,37 +174,10 @@ struct PluginGlue {
   static void destroy(void* object) { delete static_cast<Interface*>(object); }
 };
 
-/// A plugin of the library that this is compiled into. Hidden, so that each library has a list of
-/// its own.
-class __attribute__((visibility("hidden"))) PluginOfLibrary {
- public:
-  using Descriptor = const PluginDescriptor* (*)(const PluginDescriptor* next);
-
-  explicit PluginOfLibrary(Descriptor descriptor) noexcept
-      : descriptor_(descriptor), next_(std::exchange(first(), this)) {}
-
-  static const PluginDescriptor* descriptors() {
-    const PluginDescriptor* descriptor = nullptr;
-    for (const PluginOfLibrary* plugin = first(); plugin != nullptr; plugin = plugin->next_) {
-      descriptor = plugin->descriptor_(descriptor);
-    }
-    return descriptor;
-  }
-
- private:
-  static const PluginOfLibrary*& first() noexcept {
-    static const PluginOfLibrary* plugin = nullptr;
-    return plugin;
-  }
-
-  Descriptor descriptor_;
-  const PluginOfLibrary* next_;
-};
-
 }  // namespace detail
 }  // namespace sidestep
 
-/// Exports a plugin; a library may hold several, each in a source file of its own. INTERFACE:
+/// Exports a plugin, the only one of its library (for several see SIDESTEP_PLUGINS). INTERFACE:
 /// Source, Mapper, FieldBuilder, RobotModel, Optimiser, Executor, StateCost, Predictor, Gaze or
 /// Localiser (for experiments see SIDESTEP_EXPERIMENT). OPTIONS: a struct with `static
 /// Parameters<OPTIONS> parameters()` and, where its parameters must fit together,
@@ -210,35 +186,50 @@ class __attribute__((visibility("hidden"))) PluginOfLibrary {
 /// options that check() finds nothing wrong with. What follows DOC are the views (types as in
 /// mapping/occupancy_view.hpp) that a mapper offers or a field needs: the host tells before a run
 /// whether the two fit.
-#define SIDESTEP_PLUGIN(INTERFACE, OPTIONS, CREATE, NAME, VERSION, DOC, ...)           \
+#define SIDESTEP_PLUGIN(...)                                                           \
   namespace {                                                                          \
-  const ::sidestep::PluginDescriptor* sidestep_descriptor(                             \
-      const ::sidestep::PluginDescriptor* next) {                                      \
-    using Glue = ::sidestep::detail::PluginGlue<INTERFACE, OPTIONS, CREATE>;           \
-    using Traits = ::sidestep::PluginTraits<INTERFACE>;                                \
-    static const ::sidestep::Schema schema = OPTIONS::parameters().schema();           \
-    static const ::sidestep::PluginDescriptor descriptor{                              \
-        sizeof(::sidestep::PluginDescriptor),                                          \
-        ::sidestep::kPluginMagic,                                                      \
-        ::sidestep::kSdkMajor,                                                         \
-        ::sidestep::kSdkMinor,                                                         \
-        Traits::kVersion,                                                              \
-        ::sidestep::abi_stamp(),                                                       \
-        Traits::kKind,                                                                 \
-        NAME,                                                                          \
-        VERSION,                                                                       \
-        DOC,                                                                           \
-        ::sidestep::detail::kViewNames<__VA_ARGS__>,                                   \
-        []() -> const ::sidestep::Schema& { return schema; },                          \
-        &Glue::check,                                                                  \
-        &Glue::create,                                                                 \
-        &Glue::destroy,                                                                \
-        next};                                                                         \
-    return &descriptor;                                                                \
-  }                                                                                    \
-  const ::sidestep::detail::PluginOfLibrary sidestep_registered(&sidestep_descriptor); \
+  SIDESTEP_DESCRIPTOR(sidestep_descriptor, __VA_ARGS__)                                \
   }                                                                                    \
   extern "C" SIDESTEP_EXPORT __attribute__((weak)) const ::sidestep::PluginDescriptor* \
   sidestep_plugin() {                                                                  \
-    return ::sidestep::detail::PluginOfLibrary::descriptors();                         \
+    return sidestep_descriptor(nullptr);                                               \
+  }
+
+/// Describes one of several plugins of a library, as SIDESTEP_PLUGIN does: the function FUNCTION, a
+/// sidestep::DescriptorFunction.
+#define SIDESTEP_DESCRIPTOR(FUNCTION, INTERFACE, OPTIONS, CREATE, NAME, VERSION, DOC, ...) \
+  const ::sidestep::PluginDescriptor* FUNCTION(const ::sidestep::PluginDescriptor* next) { \
+    using Glue = ::sidestep::detail::PluginGlue<INTERFACE, OPTIONS, CREATE>;               \
+    using Traits = ::sidestep::PluginTraits<INTERFACE>;                                    \
+    static const ::sidestep::Schema schema = OPTIONS::parameters().schema();               \
+    static const ::sidestep::PluginDescriptor descriptor{                                  \
+        sizeof(::sidestep::PluginDescriptor),                                              \
+        ::sidestep::kPluginMagic,                                                          \
+        ::sidestep::kSdkMajor,                                                             \
+        ::sidestep::kSdkMinor,                                                             \
+        Traits::kVersion,                                                                  \
+        ::sidestep::abi_stamp(),                                                           \
+        Traits::kKind,                                                                     \
+        NAME,                                                                              \
+        VERSION,                                                                           \
+        DOC,                                                                               \
+        ::sidestep::detail::kViewNames<__VA_ARGS__>,                                       \
+        []() -> const ::sidestep::Schema& { return schema; },                              \
+        &Glue::check,                                                                      \
+        &Glue::create,                                                                     \
+        &Glue::destroy,                                                                    \
+        next};                                                                             \
+    return &descriptor;                                                                    \
+  }
+
+/// Exports the plugins of a library whose descriptors these functions are, in whatever source
+/// files.
+#define SIDESTEP_PLUGINS(...)                                                        \
+  ::sidestep::DescriptorFunction __VA_ARGS__;                                        \
+  extern "C" SIDESTEP_EXPORT const ::sidestep::PluginDescriptor* sidestep_plugin() { \
+    const ::sidestep::PluginDescriptor* first = nullptr;                             \
+    for (::sidestep::DescriptorFunction* const plugin : {__VA_ARGS__}) {             \
+      first = plugin(first);                                                         \
+    }                                                                                \
+    return first;                                                                    \
   }
