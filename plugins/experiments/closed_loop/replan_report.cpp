@@ -68,10 +68,11 @@ Result<std::vector<View>> read_views(ResultsReader& results, std::int64_t episod
     };
     View view{number("time_s"), read("robot"),     read("goal"),      read("way.base"),
               read("way.hand"), read("plan.base"), read("plan.hand"), {}};
-    const int objects = static_cast<int>(number("objects"));
-    for (int i = 0; i < objects; ++i) {
+    for (int i = 0;; ++i) {
       const std::string key = "object." + std::to_string(i);
-      view.objects.emplace_back(read(key), number(key + ".moves") != 0.0);
+      StoredArray outline = read(key);
+      if (outline.rows == 0) break;
+      view.objects.emplace_back(std::move(outline), number(key + ".moves") != 0.0);
     }
     views.push_back(std::move(view));
   }
