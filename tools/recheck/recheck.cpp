@@ -572,11 +572,19 @@ class Recheck {
   std::map<std::pair<int, std::int64_t>, State> states_;
 };
 
+/// Refuses what is nested deeper than any tree: what goes through it recurses.
+Json parse(std::istream& in) {
+  return Json::parse(in, [](int depth, Json::parse_event_t, const Json&) {
+    if (depth > 200) refuse("it is nested too deeply");
+    return true;
+  });
+}
+
 int recheck(const char* file) {
   std::ifstream in(file);
   if (in.peek() == EOF) in.close();  // a folder
   try {
-    Recheck(Json::parse(in)).print(file);
+    Recheck(parse(in)).print(file);
     return 0;
   } catch (const Json::parse_error&) {
     std::fprintf(stderr, "%s: cannot be read, or is not JSON\n", file);

@@ -1,6 +1,7 @@
 #include "recorded_view.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <utility>
 
@@ -32,8 +33,10 @@ std::optional<ViewMessage> message_of(std::span<const std::byte> data) {
   const auto name = header["kind"].get<std::string>();
   const auto kind = std::ranges::find(kKinds, name, [](ViewKind one) { return to_string(one); });
   if (kind == kKinds.end()) return std::nullopt;
+  const double time_s = header["time_s"].get<double>();
+  if (!(std::abs(time_s) < 9e9)) return std::nullopt;  // a stamp holds nanoseconds in 64 bits
   return ViewMessage{
-      *kind, Stamp::from_seconds(header["time_s"].get<double>()),
+      *kind, Stamp::from_seconds(time_s),
       std::make_shared<const std::string>(reinterpret_cast<const char*>(data.data()), data.size())};
 }
 

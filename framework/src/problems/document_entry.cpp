@@ -86,6 +86,9 @@ Result<JsonEntry::File> JsonEntry::read(const std::string& file_name) {
   } catch (const nlohmann::json::parse_error& error) {
     return fail(ErrorCode::kConfig, "this is no valid JSON",
                 file_name + position_text(text, error.byte));
+  } catch (const nlohmann::json::out_of_range& error) {
+    return fail(ErrorCode::kConfig, std::string("a number is too large: ") + error.what(),
+                file_name);
   }
 }
 

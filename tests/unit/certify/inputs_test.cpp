@@ -98,6 +98,8 @@ TEST_F(Inputs, ArraysThatAreNotRowsAreRefused) {
               HasSubstr("has 32 bytes where its header says 3 rows of 2"));
   EXPECT_THAT(of("{'descr': '<f8', 'fortran_order': False, 'shape': (4,), }"),
               HasSubstr("two dimensions"));
+  EXPECT_THAT(of("{'descr': '<f8', 'fortran_order': False, 'shape': (0, 2305843009213693952), }"),
+              HasSubstr("has 32 bytes where its header says 0 rows of 2305843009213693952"));
   EXPECT_THAT(mistake(rows("d.npy", "nothing of the kind")), HasSubstr("is no array of NumPy"));
   const std::string whole = npy("{'descr': '<f8', 'fortran_order': False, 'shape': (2, 2), }",
                                 std::vector<double>{0.5, 0.0, std::nan(""), 1.0});
@@ -131,6 +133,9 @@ TEST_F(Inputs, PathsAreReadAsOmplPrintsThem) {
   EXPECT_THAT(mistake(rows("matrix.txt", "1 2\n3 four\n")), HasSubstr("matrix.txt:2: '3 four'"));
   EXPECT_THAT(mistake(rows("matrix.txt", "1 2\n3\n")),
               HasSubstr("matrix.txt:2: 1 numbers where the first state has 2"));
+  EXPECT_THAT(mistake(rows("matrix.txt", "]\n")), HasSubstr("matrix.txt:1: ']' is no state"));
+  const std::string long_line = "RealVectorState [" + std::string(1'000'000, ' ') + "1]\n";
+  EXPECT_THAT(mistake(rows("printed.txt", long_line + long_line)), HasSubstr("1 columns where"));
 }
 
 TEST_F(Inputs, CompoundStatesOfOmplAreOneRowEach) {

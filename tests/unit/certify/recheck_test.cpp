@@ -256,6 +256,11 @@ TEST_F(Recheck, RefusesWhatIsNotShown) {
       ASSERT_THAT(recheck(changed), HasSubstr("refused")) << what << ", " << k;
     }
   }
+  Json nested;
+  for (int k = 0; k < 300; ++k) nested = Json::array({std::move(nested)});
+  Json changed = certificate_;
+  changed["objects"][0]["may_touch"] = std::move(nested);
+  EXPECT_THAT(recheck(changed), HasSubstr("refused: it is nested too deeply"));
 }
 
 }  // namespace

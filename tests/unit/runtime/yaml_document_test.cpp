@@ -46,6 +46,8 @@ TEST(YamlDocument, MistakesHavePositions) {
   EXPECT_TRUE(error_of("a: [1, 2\nb: 3\n").starts_with("t.yaml:2:"));
   EXPECT_NE(error_of("a: !!python/object x\n").find("is not supported"), std::string::npos);
   EXPECT_NE(error_of("a: 1\n---\nb: 2\n").find("more than one document"), std::string::npos);
+  // yaml-cpp's LoadAll() finds documents without end here.
+  EXPECT_TRUE(error_of("[1, 2], 3\n").starts_with("t.yaml:1:7: more than one document"));
   EXPECT_NE(error_of("? [1, 2]\n: 3\n").find("a key must be"), std::string::npos);
 }
 
