@@ -11,6 +11,7 @@
 #include <sidestep/core/file.hpp>
 #include <sidestep/core/node.hpp>
 #include <sidestep/runtime/install_layout.hpp>
+#include <sidestep/runtime/library_version.hpp>
 
 #include "commands.hpp"
 #include "jobs.hpp"
@@ -95,8 +96,9 @@ Result<void> copy_example(const NewPluginOptions& options, const fs::path& folde
   for (const auto& entry : fs::directory_iterator(example, error)) {
     SIDESTEP_TRY(copy_renamed(entry.path(), folder, renaming));
   }
-  return copy_renamed(template_folder() / "CMakeLists.txt", folder,
-                      {{"@NAME@", options.name}, {"@KIND@", options.kind}});
+  return copy_renamed(
+      template_folder() / "CMakeLists.txt", folder,
+      {{"@NAME@", options.name}, {"@KIND@", options.kind}, {"@VERSION@", library_version()}});
 }
 
 Result<void> write_plugin(const NewPluginOptions& options, const fs::path& folder) {

@@ -50,18 +50,23 @@ Result<std::string> read_file(const fs::path& file, std::uintmax_t limit_bytes) 
 }
 
 Result<void> write_file(const fs::path& file, std::string_view text) {
-  fs::path part = file;
-  part += ".part";
+  std::error_code error, ignored;
+  const fs::file_status status = fs::status(file, ignored);
+  // What a link leads to is replaced, not the link; a pipe or a device is written to.
+  const bool is_in_place = fs::exists(status) && !fs::is_regular_file(status);
+  const fs::path target =
+      fs::is_symlink(file, ignored) ? fs::weakly_canonical(file, ignored) : file;
+  fs::path part = target;
+  if (!is_in_place) part += ".part";
   std::ofstream out(part, std::ios::binary);
   out << text;
   out.close();
-  std::error_code error;
+  if (out && is_in_place) return {};
   if (out) {
-    fs::rename(part, file, error);
+    fs::rename(part, target, error);
     if (!error) return {};
   }
-  std::error_code ignored;
-  fs::remove(part, ignored);
+  if (!is_in_place) fs::remove(part, ignored);
   return fail(ErrorCode::kIo,
               "cannot be written" + (error ? ": " + error.message() : std::string()),
               file.string());

@@ -60,9 +60,15 @@ TEST_F(Files, AreReplacedAsAWhole) {
   EXPECT_EQ(read_file(folder_.path() / "b/within").value(), "kept");
   EXPECT_FALSE(write_file(folder_.path() / "none/a", "text"));
   EXPECT_FALSE(write_file("/dev/full", "text"));
+  EXPECT_TRUE(write_file("/dev/null", "text"));
+  EXPECT_TRUE(fs::is_character_file("/dev/null"));
+  fs::create_symlink(file, folder_.path() / "link");
+  ASSERT_TRUE(write_file(folder_.path() / "link", "through it"));
+  EXPECT_TRUE(fs::is_symlink(folder_.path() / "link"));
+  EXPECT_EQ(read_file(file).value(), "through it");
   std::size_t left = 0;
   for (const auto& entry : fs::directory_iterator(folder_.path())) left += entry.exists();
-  EXPECT_EQ(left, 2u);
+  EXPECT_EQ(left, 3u);
 }
 
 std::string nested(int depth) {
@@ -78,7 +84,6 @@ TEST(XmlDepth, IsBounded) {
   ASSERT_FALSE(deeper);
   EXPECT_EQ(deeper.error().describe(),
             "f.xml: XML elements are nested 201 deep; 200 at most are read");
-  EXPECT_FALSE(check_xml_depth(std::string(3'000'000, '<'), "f.xml"));
 }
 
 TEST(XmlDepth, CountsElementsAlone) {
