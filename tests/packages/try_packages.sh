@@ -83,7 +83,12 @@ try "completion" completion
 
 # Who installs the ROS plugins later is told so.
 dpkg --remove sidestep-plugins-ros1 >/dev/null
-without_ros() { ! sidestep check ros1/hsr_deploy && sidestep check ros1/hsr_deploy 2>&1 | grep 'apt install sidestep-plugins-ros1'; }
+without_ros() {
+  local code=0
+  sidestep check ros1/hsr_deploy >"$trial/told" 2>&1 || code=$?
+  [ $code -eq 3 ]
+  grep 'apt install sidestep-plugins-ros1' "$trial/told"
+}
 try "without ROS" without_ros
 
 # shellcheck disable=SC2086
