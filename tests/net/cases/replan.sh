@@ -9,7 +9,10 @@ run blocked 1 replan.yaml --set experiment.goal.joints.x=1.3 --set experiment.go
 # Nothing brakes for what moves.
 run touched 1 replan.yaml --set replanner.obstacle_speed_mps=0 --set experiment.episodes=1
 run refused 2 replan.yaml --set planning.attempts=3 --set experiment.goal.joints.z=1
-run divided 2 replan.yaml --shard 1/2
+for i in 1 2; do run shard-$i 0 replan.yaml --shard $i/2; done
+merge merged 0 shard-2 shard-1
+same whole merged
+run divided 2 replan.yaml --shard 1/3
 compare compared 0 whole blocked
 redraw whole
 redraw touched
