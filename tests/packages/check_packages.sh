@@ -34,8 +34,10 @@ if [ "$where" = clean ]; then
   . /etc/os-release
   mmdebstrap --variant=apt --include=g++,cmake,make,pkg-config \
     --customize-hook="copy-in $work/debs /opt" --customize-hook='chroot "$1" bash /opt/debs/try_packages.sh apt' \
+    --customize-hook='rm -r "$1/opt/debs"' \
+    --customize-hook='! find "$1" -xdev -path "$1/var/lib/apt" -prune -o -path "$1/var/log" -prune -o -iname "*sidestep*" -print | grep .' \
     "$VERSION_CODENAME" /dev/null /etc/apt/sources.list.d/debian.sources >"$work/clean.log" 2>&1 || { cat "$work/clean.log"; exit 1; }
-  cat "$work/clean.log"
+  grep -A99 '^install: ' "$work/clean.log"
   exit
 fi
 
@@ -52,4 +54,9 @@ for folder in proc dev; do mount --rbind "/$folder" "$root/$folder"; done
 rm -rf "$root/opt/debs"
 cp -r "$work/debs" "$root/opt/debs"
 chroot "$root" bash /opt/debs/try_packages.sh dpkg
+# What was written and is still there, but where Debian notes what is installed.
+cd "$work/layer/upper"
+left=$(find . -path ./tmp -prune -o -path ./opt/debs -prune -o -path ./var/lib/dpkg -prune -o -path ./var/log -prune -o \
+  -path ./var/cache -prune -o -path ./etc/ld.so.cache -prune -o ! -type d -print -o -type d ! -exec test -e "/{}" \; -print)
+[ -z "$left" ] || { printf "%s\n" "left behind:" "$left"; exit 1; }
 '

@@ -223,13 +223,14 @@ TEST_F(ReportTest, NamesWhatIsMissingOrDamaged) {
 }
 
 TEST_F(ReportTest, SummariesOfOtherTypesAreDamaged) {
-  using Json = nlohmann::json;
-  const Json summary = Json::parse(kSummary);
+  const nlohmann::json summary = nlohmann::json::parse(kSummary);
   int refused = 0;
-  for (const Json& other : {Json(nullptr), Json(1e308), Json("text"), Json::array({Json::object()}),
-                            Json::object({{"a", Json::array()}})}) {
+  for (const nlohmann::json& other :
+       {nlohmann::json(nullptr), nlohmann::json(1e308), nlohmann::json("text"),
+        nlohmann::json::array({nlohmann::json::object()}),
+        nlohmann::json::object({{"a", nlohmann::json::array()}})}) {
     for (const auto& [key, value] : summary.items()) {
-      Json damaged = summary;
+      nlohmann::json damaged = summary;
       damaged[key] = other;
       ASSERT_TRUE(write_file(run_ / "summary.json", damaged.dump()));
       const auto written = write_report(run_, host_.host);

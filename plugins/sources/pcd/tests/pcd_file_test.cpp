@@ -180,7 +180,7 @@ TEST_F(PcdFile, SaysWhatIsWrongAndWhere) {
   for (const auto& [content, expected] : cases) EXPECT_EQ(complaint(content), expected);
   const auto missing = read_pcd(folder_.path() / "nowhere.pcd");
   ASSERT_FALSE(missing);
-  EXPECT_THAT(missing.error().describe(), HasSubstr("nowhere.pcd: the file cannot be read"));
+  EXPECT_THAT(missing.error().describe(), HasSubstr("nowhere.pcd: there is no such file"));
 }
 
 // Wherever a file is cut and whichever of its bytes is another, reading ends, with points or not.
