@@ -351,7 +351,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadProfile{"empty", "", "profile.yaml"}, BadProfile{"a_list", "[1, 2]", "is a map"},
         BadProfile{"not_yaml", "name: [", "profile.yaml"},
         BadProfile{"no_urdf", "name: arm\n", "urdf"},
-        BadProfile{"lost_urdf", "name: arm\nurdf: leg.urdf\n", "there is no such URDF file"},
+        BadProfile{"lost_urdf", "name: arm\nurdf: leg.urdf\n", "leg.urdf: there is no such file"},
         BadProfile{"no_spheres", "name: arm\nurdf: arm.urdf\nshapes_from: spheres\n",
                    "no collision spheres"},
         BadProfile{"no_shapes",

@@ -12,9 +12,9 @@ struct InstallLayout {
   std::filesystem::path configs;  ///< Experiments; scenes/ and parts/ below it.
 };
 
-/// <prefix>/lib/libsidestep_runtime.so: <prefix>/lib/sidestep/plugins,
-/// <prefix>/share/sidestep/{robots,configs}. A build tree keeps libraries in <build>/lib,
-/// plugins in <build>/lib/sidestep/plugins, and links <build>/share/sidestep to the sources.
+/// `<prefix>/lib/libsidestep_runtime.so`: `<prefix>/lib/sidestep/plugins`,
+/// `<prefix>/share/sidestep/{robots,configs}`. A build tree keeps libraries in `<build>/lib`,
+/// plugins in `<build>/lib/sidestep/plugins`, and links `<build>/share/sidestep` to the sources.
 [[nodiscard]] InstallLayout install_layout();
 
 /// The same for a runtime library at a given place, e.g. /usr/lib/x86_64-linux-gnu/
