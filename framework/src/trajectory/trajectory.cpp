@@ -178,7 +178,8 @@ Trajectory cut(const Trajectory& trajectory, double from_s, double to_s) {
   const int last = trajectory.size() - 1;
   const std::vector<double> rest(dof, 0.0);
   append(out, has_motion ? to - from : 0.0, trajectory.q(last), rest);
-  append(out, std::max(to_s - from, out.times_s.back() + kSameTime_s), trajectory.q(last), rest);
+  const double until_s = to_s - std::max(from_s, from);
+  append(out, std::max(until_s, out.times_s.back() + kSameTime_s), trajectory.q(last), rest);
   return out;
 }
 

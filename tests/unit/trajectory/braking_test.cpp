@@ -310,6 +310,7 @@ TEST(Cut, WaitsBeyondTheEnd) {
   for (const double from_s : {0.5 * end_s, end_s, end_s + 3.0}) {
     const Trajectory part = cut(whole, from_s, from_s + end_s);
     ASSERT_TRUE(part.validate()) << part.validate().error().describe();
+    EXPECT_NEAR(part.duration_s(), end_s, 1e-5);
     double q = 0.0, v = 1.0;
     part.sample(part.duration_s(), {&q, 1}, {&v, 1});
     EXPECT_EQ(q, end);
