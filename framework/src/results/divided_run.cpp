@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <charconv>
 #include <sstream>
+#include <system_error>
+
+#include <nlohmann/json.hpp>
 
 #include <sidestep/results/summary.hpp>
 #include <sidestep/runtime/yaml_document.hpp>
@@ -103,6 +106,20 @@ std::string shard_name(const Shard& shard) {
   return std::to_string(shard.index + 1) + "/" + std::to_string(shard.count);
 }
 
+nlohmann::ordered_json shard_json(const Shard& shard) {
+  if (shard.is_whole()) return nullptr;
+  return {{"index", shard.index + 1}, {"count", shard.count}};
+}
+
+nlohmann::ordered_json time_json(const DividedRun& run) {
+  double wall_s = 0.0, cpu_s = 0.0;
+  for (const RunSession& session : run.sessions) {
+    wall_s += session.wall_s;
+    cpu_s += session.cpu_s;
+  }
+  return {{"sessions", run.sessions.size()}, {"wall_s", wall_s}, {"cpu_s", cpu_s}};
+}
+
 Result<void> check_same_run(const DividedRun& earlier, const DividedRun& here,
                             const std::string& file, bool any_build) {
   if (const std::string other = difference(earlier.identity, here.identity); !other.empty()) {
@@ -141,6 +158,27 @@ Result<void> check_same_division(const DividedRun& first, const DividedRun& part
                 run.string(), "their outcomes may differ: make all shards with one build");
   }
   return {};
+}
+
+Result<void> absorb_shards(const DividedRun& whole,
+                           const std::vector<std::filesystem::path>& shards,
+                           const std::filesystem::path& out, std::string_view head_series,
+                           const std::function<void(Recorder&)>& record) {
+  std::error_code error;
+  std::filesystem::create_directories(out, error);
+  if (error) {
+    return fail(ErrorCode::kIo, "cannot make the folder: " + error.message(), out.string());
+  }
+  auto store = SIDESTEP_TRY(ResultsStore::open(out / "results.sqlite", whole.provenance));
+  Recorder recorder(*store);
+  record(recorder);
+  for (const auto& shard : shards) {
+    SIDESTEP_TRY(store->absorb(shard / "results.sqlite", head_series));
+  }
+  for (std::size_t s = 0; s < whole.sessions.size(); ++s) {
+    record_session(whole.sessions[s], static_cast<std::int64_t>(s), recorder);
+  }
+  return recorder.commit();
 }
 
 }  // namespace sidestep

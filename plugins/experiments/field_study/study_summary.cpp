@@ -256,12 +256,8 @@ Json published_json(const PublishedOutcome& published) {
           {"valid_cost", {{"mean", published.cost_mean}, {"sd", published.cost_sd}}}};
 }
 
-Json time_json(const StudyRecord& study) {
-  double wall_s = 0.0, cpu_s = 0.0, solve_s = 0.0, check_s = 0.0, field_s = 0.0;
-  for (const RunSession& session : study.sessions) {
-    wall_s += session.wall_s;
-    cpu_s += session.cpu_s;
-  }
+Json study_time_json(const StudyRecord& study) {
+  double solve_s = 0.0, check_s = 0.0, field_s = 0.0;
   for (const StudyRobotRows& robot : study.robots) {
     for (const ProblemOutcome& problem : robot.problems) {
       solve_s += 1e-3 * (problem.fields[kUnsigned].solve_ms + problem.fields[kSigned].solve_ms);
@@ -271,12 +267,9 @@ Json time_json(const StudyRecord& study) {
       field_s += 1e-3 * (scene.field_ms[kUnsigned] + scene.field_ms[kSigned]);
     }
   }
-  return {{"sessions", study.sessions.size()},
-          {"wall_s", wall_s},
-          {"cpu_s", cpu_s},
-          {"solve_s", solve_s},
-          {"check_s", check_s},
-          {"field_s", field_s}};
+  Json time = time_json(study);
+  time.update({{"solve_s", solve_s}, {"check_s", check_s}, {"field_s", field_s}});
+  return time;
 }
 
 std::string number(const Json& json, const char* pointer) {
@@ -389,16 +382,13 @@ Result<ExperimentOutcome> conclude_study(const std::filesystem::path& run, bool 
   outcome.interrupted = interrupted && !complete;
   outcome.success = complete && !fault;
   outcome.verdict = verdict_text(study, robots, outcome.interrupted, fault);
-  const Json shard = study.shard.is_whole()
-                         ? Json(nullptr)
-                         : Json{{"index", study.shard.index + 1}, {"count", study.shard.count}};
   const Json particulars = {{"fault", fault ? Json(fault->describe()) : Json(nullptr)},
                             {"complete", complete},
-                            {"shard", shard},
+                            {"shard", shard_json(study.shard)},
                             {"confidence", study.confidence},
                             {"published_as", study.published_as},
                             {"robots", robots},
-                            {"time", time_json(study)}};
+                            {"time", study_time_json(study)}};
   show_study(particulars, outcome);
   outcome.summary_json = summary_text(study.provenance, "field_study", outcome, particulars);
   return outcome;

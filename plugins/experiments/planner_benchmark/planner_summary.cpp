@@ -322,27 +322,18 @@ ExperimentOutcome summarise_planners(const PlannerBenchmarkRecord& record, bool 
   for (const Json& family : families) rows.push_back(family);
   outcome.table = planner_rows().text(rows);
   outcome.table_csv = planner_rows().csv(rows);
-  double wall_s = 0.0, cpu_s = 0.0;
-  for (const RunSession& session : record.sessions) {
-    wall_s += session.wall_s;
-    cpu_s += session.cpu_s;
-  }
-  const Json shard = record.shard.is_whole()
-                         ? Json(nullptr)
-                         : Json{{"index", record.shard.index + 1}, {"count", record.shard.count}};
-  outcome.summary_json = summary_text(
-      record.provenance, "planner_benchmark", outcome,
-      {{"fault", fault ? Json(fault->describe()) : Json(nullptr)},
-       {"complete", complete},
-       {"shard", shard},
-       {"unmet", unmet},
-       {"problems_file", record.problems},
-       {"robot", record.robot},
-       {"deadline_s", record.deadline_s},
-       {"seeds", record.seeds},
-       {"planners", planners},
-       {"families", families},
-       {"time", {{"sessions", record.sessions.size()}, {"wall_s", wall_s}, {"cpu_s", cpu_s}}}});
+  outcome.summary_json = summary_text(record.provenance, "planner_benchmark", outcome,
+                                      {{"fault", fault ? Json(fault->describe()) : Json(nullptr)},
+                                       {"complete", complete},
+                                       {"shard", shard_json(record.shard)},
+                                       {"unmet", unmet},
+                                       {"problems_file", record.problems},
+                                       {"robot", record.robot},
+                                       {"deadline_s", record.deadline_s},
+                                       {"seeds", record.seeds},
+                                       {"planners", planners},
+                                       {"families", families},
+                                       {"time", time_json(record)}});
   return outcome;
 }
 

@@ -125,14 +125,8 @@ class ReplanExperiment final : public LoopExperiment {
       return fail(ErrorCode::kConfig, "this shard is of other episodes than the first",
                   shard.string(), "resume the shards with the same episodes first");
     }
-    std::error_code error;
-    std::filesystem::create_directories(out, error);
-    auto store = SIDESTEP_TRY(ResultsStore::open(out / kResultsFile, whole.provenance));
-    Recorder recorder(*store);
-    record_replan_head(whole, recorder);
-    SIDESTEP_TRY(recorder.commit());
-    for (const auto& shard : shards) SIDESTEP_TRY(store->absorb(shard / kResultsFile, kRunSeries));
-    store.reset();
+    SIDESTEP_TRY(absorb_shards(whole, shards, out, kRunSeries,
+                               [&](Recorder& recorder) { record_replan_head(whole, recorder); }));
     return summarise_replan("replan", SIDESTEP_TRY(read_replan_rows(out / kResultsFile)));
   }
 };

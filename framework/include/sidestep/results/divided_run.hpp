@@ -2,13 +2,16 @@
 
 #include <ctime>
 #include <filesystem>
+#include <functional>
 #include <iterator>
 #include <memory>
 #include <optional>
 #include <set>
 #include <string>
-#include <system_error>
+#include <string_view>
 #include <vector>
+
+#include <nlohmann/json_fwd.hpp>
 
 #include <sidestep/core/time.hpp>
 #include <sidestep/results/recorder.hpp>
@@ -89,6 +92,11 @@ class SessionClock {
 /// "2/3"
 [[nodiscard]] std::string shard_name(const Shard& shard);
 
+/// `shard` of a summary; null for the whole.
+[[nodiscard]] nlohmann::ordered_json shard_json(const Shard& shard);
+/// `time` of a summary: that of all sessions.
+[[nodiscard]] nlohmann::ordered_json time_json(const DividedRun& run);
+
 /// Reads shards of one run with `read` and puts them together: `absorb` moves what a further one
 /// has found into the first. Fails with kConfig where they do not fit or one is there twice.
 template <class Record>
@@ -117,25 +125,22 @@ template <class Record>
   return *std::move(whole);
 }
 
+/// Stores a whole in the folder `out`, which is made: what `record` adds to its store, what the
+/// shards' stores hold but for `head_series`, and the sessions.
+[[nodiscard]] Result<void> absorb_shards(const DividedRun& whole,
+                                         const std::vector<std::filesystem::path>& shards,
+                                         const std::filesystem::path& out,
+                                         std::string_view head_series,
+                                         const std::function<void(Recorder&)>& record);
+
 /// Stores a whole in the folder `out`, which is made, and sums it up.
 template <class Record>
 [[nodiscard]] Result<ExperimentOutcome> conclude_whole(
     const Record& whole, const std::filesystem::path& out, void (*record)(const Record&, Recorder&),
     Result<ExperimentOutcome> (*sum_up)(const std::filesystem::path&, bool,
                                         const std::optional<Error>&)) {
-  std::error_code error;
-  std::filesystem::create_directories(out, error);
-  if (error) {
-    return fail(ErrorCode::kIo, "cannot make the folder: " + error.message(), out.string());
-  }
-  auto store = SIDESTEP_TRY(ResultsStore::open(out / "results.sqlite", whole.provenance));
-  Recorder recorder(*store);
-  record(whole, recorder);
-  for (std::size_t s = 0; s < whole.sessions.size(); ++s) {
-    record_session(whole.sessions[s], static_cast<std::int64_t>(s), recorder);
-  }
-  SIDESTEP_TRY(recorder.commit());
-  store.reset();
+  SIDESTEP_TRY(
+      absorb_shards(whole, {}, out, {}, [&](Recorder& recorder) { record(whole, recorder); }));
   return sum_up(out, false, std::nullopt);
 }
 
