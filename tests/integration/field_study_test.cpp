@@ -250,8 +250,10 @@ TEST_F(FieldStudyTest, OptionsThatMakeNoSenseAreRefused) {
   EXPECT_THAT(many.error, HasSubstr("10 scenes, too few for 11 shards"));
   const Finished plan = run({"run", kConfigs + "tiny.yaml", "--shard", "1/2", "--out", at("plan")});
   EXPECT_EQ(plan.exit_code, 2);
-  EXPECT_THAT(plan.error,
-              HasSubstr("'plan' cannot be divided into shards (these can: field_study"));
+  EXPECT_THAT(
+      plan.error,
+      HasSubstr("'plan' cannot be divided into shards: its plans share one map, which each part "
+                "would have to make anew (these can: field_study"));
 }
 
 TEST_F(FieldStudyTest, BothOptimisersAgree) {

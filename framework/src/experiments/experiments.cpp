@@ -220,6 +220,8 @@ Result<void> check_division(const ExperimentContext& context, const FoundExperim
     return facts.is_divisible || (!asks_to_divide && facts.is_resumable);
   };
   if (can(asked)) return {};
+  const auto merged = asked.experiment->merge({}, context.out);  // says why there are no shards
+  const std::string why = merged ? "" : ": " + merged.error().message;
   const auto experiments = SIDESTEP_TRY(find_experiments(context.host));
   std::string able;
   for (const FoundExperiment& found : experiments) {
@@ -227,7 +229,7 @@ Result<void> check_division(const ExperimentContext& context, const FoundExperim
   }
   return fail(ErrorCode::kConfig,
               "an experiment of type '" + asked.name() + "' cannot be " +
-                  (asks_to_divide ? "divided into shards" : "resumed"),
+                  (asks_to_divide ? "divided into shards" : "resumed") + why,
               where, "these can: " + able);
 }
 

@@ -23,7 +23,7 @@ struct DeploySettings : ReplanSettings {
 
   static Parameters<DeploySettings> parameters() {
     using S = DeploySettings;
-    return experiment_parameters<S>()
+    return with_policies(experiment_parameters<S>())
         .add("clock", &S::clock,
              "wall: real time, mapping in a thread of its own; lockstep: simulated time in steps.",
              {.choices = {"lockstep", "wall"}})
@@ -312,6 +312,10 @@ class DeployExperiment final : public LoopExperiment {
     return run_loop(context, "deploy", head, [&](Recorder& recorder) {
       return Deployment(context, settings, world, *goals).run(recorder);
     });
+  }
+  [[nodiscard]] Result<ExperimentOutcome> merge(const std::vector<std::filesystem::path>&,
+                                                const std::filesystem::path& out) const override {
+    return fail(ErrorCode::kUnsupported, "its goals come while it runs", out.string());
   }
 };
 

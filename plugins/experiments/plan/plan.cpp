@@ -340,6 +340,11 @@ class PlanExperiment final : public Experiment {
     }
     return outcome;
   }
+  [[nodiscard]] Result<ExperimentOutcome> merge(const std::vector<std::filesystem::path>&,
+                                                const std::filesystem::path& out) const override {
+    return fail(ErrorCode::kUnsupported,
+                "its plans share one map, which each part would have to make anew", out.string());
+  }
 };
 
 }  // namespace
