@@ -1,6 +1,15 @@
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <csignal>
 #include <cstdio>
+#include <cstring>
 #include <exception>
+#include <iostream>
 #include <map>
+#include <new>
+#include <system_error>
 
 #include <CLI/CLI.hpp>
 
@@ -382,17 +391,53 @@ int command(int argc, char** argv) {
   return static_cast<int>(dispatch(app, line));
 }
 
+/// Opens the standard streams that are closed: no file of a run may get their numbers.
+void open_standard_streams() {
+  int file = 0;
+  while (file >= 0 && file <= STDERR_FILENO) file = open("/dev/null", O_RDWR);
+  if (file >= 0) close(file);
+}
+
+/// The exit code of a command that ends with `code`, once what it printed is out.
+int code_after_output(int code) {
+  std::cout.flush();
+  if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0 && std::cout) return code;
+  std::fprintf(stderr, "error: cannot write to stdout: %s\n", std::strerror(errno));
+  return static_cast<int>(ExitCode::kFault);
+}
+
+/// The exit code of the exception that is being handled, once it is told.
+int tell_exception() {
+  try {
+    throw;
+  } catch (const std::bad_alloc&) {
+    std::fputs("error: out of memory\n", stderr);
+  } catch (const std::system_error& error) {
+    const bool lacks_thread = error.code() == std::errc::resource_unavailable_try_again;
+    std::fprintf(stderr, "error: %s%s\n", lacks_thread ? "cannot start a thread: " : "",
+                 error.what());
+  } catch (const std::exception& exception) {
+    std::fprintf(stderr, "error: a fault in Sidestep: %s\n", exception.what());
+  }
+  return static_cast<int>(ExitCode::kFault);
+}
+
 }  // namespace
 }  // namespace sidestep
 
 int main(int argc, char** argv) {
+  sidestep::open_standard_streams();
+  std::signal(SIGXFSZ, SIG_IGN);  // A file that may not grow is an error of write().
   const auto command = [](int count, char** words) {
     try {
-      return sidestep::command(count, words);
-    } catch (const std::exception& exception) {
-      std::fprintf(stderr, "error: a fault in Sidestep: %s\n", exception.what());
+      return sidestep::code_after_output(sidestep::command(count, words));
+    } catch (...) {
+      return sidestep::tell_exception();
     }
-    return static_cast<int>(sidestep::ExitCode::kFault);
   };
-  return sidestep::supervise(command, argc, argv);
+  try {
+    return sidestep::supervise(command, argc, argv);
+  } catch (...) {
+    return sidestep::tell_exception();
+  }
 }
