@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <csignal>
 #include <deque>
 #include <utility>
@@ -52,6 +53,7 @@ class Process {
   void read_lines(const std::function<void(const std::string&)>& line) {
     std::array<char, 4096> buffer{};
     const ssize_t count = read(error_pipe_, buffer.data(), buffer.size());
+    if (count < 0 && errno == EINTR) return;
     if (count > 0) {
       text_.append(buffer.data(), static_cast<std::size_t>(count));
     } else {

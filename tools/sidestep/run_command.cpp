@@ -1,4 +1,9 @@
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <cerrno>
 #include <charconv>
 #include <chrono>
 #include <cstdio>
@@ -8,6 +13,7 @@
 #include <set>
 #include <stop_token>
 #include <string>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -166,6 +172,35 @@ Result<fs::path> out_folder(const RunOptions& options, const std::string& name) 
               "--resume " + options.resume->string(), "give the folder that a run wrote to");
 }
 
+/// Keeps other runs out of a folder for as long as it lives.
+class FolderLock {
+ public:
+  /// Fails with kConfig where another run has the folder.
+  static Result<FolderLock> take(const fs::path& folder) {
+    FolderLock lock(open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+    if (lock.file_ < 0) {
+      return fail(ErrorCode::kIo,
+                  "cannot open the folder: " + std::generic_category().message(errno),
+                  folder.string());
+    }
+    // Not every file system has locks.
+    if (flock(lock.file_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
+      return fail(ErrorCode::kConfig, "another run is writing to the folder", folder.string(),
+                  "wait for its end, or give another --out");
+    }
+    return lock;
+  }
+  ~FolderLock() {
+    if (file_ >= 0) close(file_);
+  }
+  FolderLock(FolderLock&& other) noexcept : file_(std::exchange(other.file_, -1)) {}
+  FolderLock& operator=(FolderLock&&) = delete;
+
+ private:
+  explicit FolderLock(int file) : file_(file) {}
+  int file_;
+};
+
 /// `live`, the viewer, may be null.
 RunResult run_one(const std::string& name, const RunOptions& options, const Shard& shard,
                   LiveView* live, std::stop_token stop) {
@@ -181,6 +216,8 @@ RunResult run_one(const std::string& name, const RunOptions& options, const Shar
   if (!observers) return refused(observers.error(), console);
   const auto folder = out_folder(options, loaded.configuration.name);
   if (!folder) return refused(folder.error(), console);
+  const auto lock = FolderLock::take(*folder);
+  if (!lock) return refused(lock.error(), console);
   if (auto opened = console.open_file(*folder / "run.log", options.resume.has_value()); !opened) {
     return refused(opened.error(), console);
   }
@@ -237,6 +274,8 @@ RunResult run_in_jobs(const std::string& name, const RunOptions& options,
   Console console;
   const auto folder = out_folder(options, fs::path(name).stem().string());
   if (!folder) return refused(folder.error(), console);
+  const auto lock = FolderLock::take(*folder);
+  if (!lock) return refused(lock.error(), console);
   if (auto opened = console.open_file(*folder / "run.log", options.resume.has_value()); !opened) {
     return refused(opened.error(), console);
   }
@@ -245,7 +284,12 @@ RunResult run_in_jobs(const std::string& name, const RunOptions& options,
   ExitCode code = ExitCode::kSuccess;
   std::vector<fs::path> parts;
   for (const JobEnd& end : ends) {
-    code = worse(code, end.code ? static_cast<ExitCode>(*end.code) : ExitCode::kFault);
+    const ExitCode own = end.code ? static_cast<ExitCode>(*end.code) : ExitCode::kFault;
+    if (worse(own, ExitCode::kTaskFailed) != ExitCode::kTaskFailed) {
+      console.error(shard_folder(*folder, static_cast<int>(parts.size())).string() + ": " +
+                    (end.code ? "ended with exit code " + std::to_string(*end.code) : end.fault));
+    }
+    code = worse(code, own);
     parts.push_back(shard_folder(*folder, static_cast<int>(parts.size())));
   }
   if (code != ExitCode::kSuccess && code != ExitCode::kTaskFailed) return {code, ""};
