@@ -1,6 +1,7 @@
 #include <sidestep/runtime/results_store.hpp>
 
 #include <cmath>
+#include <new>
 #include <system_error>
 
 #include <sqlite3.h>
@@ -42,8 +43,11 @@ struct ResultsStore::Impl {
   ~Impl() {
     insert.reset();
     insert_array.reset();
-    // Leaves one file behind instead of three.
-    if (database.is_open()) (void)database.execute("COMMIT; PRAGMA journal_mode = DELETE;");
+    // Leaves one file behind instead of three. An error without memory for its text is none here.
+    try {
+      if (database.is_open()) (void)database.execute("COMMIT; PRAGMA journal_mode = DELETE;");
+    } catch (const std::bad_alloc&) {
+    }
   }
   template <class Value>
   Result<void> add(std::string_view series, std::int64_t item, std::string_view key, Value value) {
@@ -163,6 +167,17 @@ Result<void> ResultsStore::absorb(const std::filesystem::path& file, std::string
 
 Result<void> ResultsStore::commit() { return impl_->database.execute("COMMIT; BEGIN;"); }
 
+namespace {
+
+/// Whether a query has one more row.
+Result<bool> has_row(SqliteQuery& query, const SqliteDatabase& database) {
+  const int status = query.step();
+  if (status == SQLITE_ROW || status == SQLITE_DONE) return status == SQLITE_ROW;
+  return tl::make_unexpected(database.error("cannot read the results"));
+}
+
+}  // namespace
+
 struct ResultsReader::Impl {
   SqliteDatabase database{kName};
   SqliteStatement column, series, value, array, array_items;
@@ -200,23 +215,15 @@ Result<std::vector<double>> ResultsReader::column(std::string_view series, std::
   SqliteQuery query(impl_->column);
   query.bind(series).bind(key);
   std::vector<double> values;
-  int status = SQLITE_ROW;
-  while ((status = query.step()) == SQLITE_ROW) values.push_back(query.number(0));
-  if (status != SQLITE_DONE) {
-    return tl::make_unexpected(impl_->database.error("cannot read the results"));
-  }
+  while (SIDESTEP_TRY(has_row(query, impl_->database))) values.push_back(query.number(0));
   return values;
 }
 
 Result<void> ResultsReader::visit(std::string_view series, const Visitor& visitor) {
   SqliteQuery query(impl_->series);
   query.bind(series);
-  int status = SQLITE_ROW;
-  while ((status = query.step()) == SQLITE_ROW) {
+  while (SIDESTEP_TRY(has_row(query, impl_->database))) {
     visitor(query.integer(0), query.view(1), query.number(2));
-  }
-  if (status != SQLITE_DONE) {
-    return tl::make_unexpected(impl_->database.error("cannot read the results"));
   }
   return {};
 }
@@ -225,7 +232,7 @@ Result<std::optional<std::string>> ResultsReader::text(std::string_view series, 
                                                        std::string_view key) {
   SqliteQuery query(impl_->value);
   query.bind(series).bind(item).bind(key);
-  if (query.step() != SQLITE_ROW || !query.is_text(0)) return std::nullopt;
+  if (!SIDESTEP_TRY(has_row(query, impl_->database)) || !query.is_text(0)) return std::nullopt;
   return query.text(0);
 }
 
@@ -233,7 +240,7 @@ Result<std::optional<double>> ResultsReader::number(std::string_view series, std
                                                     std::string_view key) {
   SqliteQuery query(impl_->value);
   query.bind(series).bind(item).bind(key);
-  if (query.step() != SQLITE_ROW) return std::nullopt;
+  if (!SIDESTEP_TRY(has_row(query, impl_->database))) return std::nullopt;
   return query.number(0);
 }
 
@@ -242,7 +249,7 @@ Result<std::vector<std::int64_t>> ResultsReader::array_items(std::string_view se
   SqliteQuery query(impl_->array_items);
   query.bind(series).bind(key);
   std::vector<std::int64_t> items;
-  while (query.step() == SQLITE_ROW) items.push_back(query.integer(0));
+  while (SIDESTEP_TRY(has_row(query, impl_->database))) items.push_back(query.integer(0));
   return items;
 }
 
@@ -250,7 +257,7 @@ Result<std::optional<StoredArray>> ResultsReader::array(std::string_view series,
                                                         std::string_view key) {
   SqliteQuery query(impl_->array);
   query.bind(series).bind(item).bind(key);
-  if (query.step() != SQLITE_ROW) return std::nullopt;
+  if (!SIDESTEP_TRY(has_row(query, impl_->database))) return std::nullopt;
   StoredArray array;
   array.rows = static_cast<int>(query.integer(0));
   array.columns = static_cast<int>(query.integer(1));
