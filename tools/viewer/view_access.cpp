@@ -5,10 +5,9 @@
 
 #include <algorithm>
 #include <array>
-#include <fstream>
-#include <iterator>
 #include <utility>
 
+#include <sidestep/core/file.hpp>
 #include <sidestep/core/format.hpp>
 #include <sidestep/runtime/install_layout.hpp>
 
@@ -125,12 +124,10 @@ Result<ViewAssets> ViewAssets::read(const fs::path& folder, const std::string& p
     if (is_page && entry->path() != folder / page) continue;
     total += entry->file_size();
     if (total > kMostBytes) return not_readable(folder, "the folder holds more than 64 MiB");
-    std::ifstream in(entry->path(), std::ios::binary);
-    std::string bytes{std::istreambuf_iterator<char>(in), {}};
-    if (in.bad() || !in.is_open())
-      return not_readable(entry->path(), "no such file, or no permission");
+    auto bytes = read_file(entry->path(), kMostBytes);
+    if (!bytes) return not_readable(entry->path(), bytes.error().message);
     const std::string path = "/" + entry->path().lexically_relative(folder).generic_string();
-    assets.assets_[path] = {content_type(entry->path()), std::move(bytes)};
+    assets.assets_[path] = {content_type(entry->path()), *std::move(bytes)};
   }
   if (error) return not_readable(folder, error.message());
   assets.assets_["/"] = assets.assets_["/" + page];

@@ -1,5 +1,6 @@
 #include <sidestep/core/file.hpp>
 
+#include <cerrno>
 #include <fstream>
 #include <system_error>
 #include <utility>
@@ -58,9 +59,11 @@ Result<void> write_file(const fs::path& file, std::string_view text) {
       fs::is_symlink(file, ignored) ? fs::weakly_canonical(file, ignored) : file;
   fs::path part = target;
   if (!is_in_place) part += ".part";
+  errno = 0;
   std::ofstream out(part, std::ios::binary);
   out << text;
   out.close();
+  if (!out) error.assign(errno, std::generic_category());
   if (out && is_in_place) return {};
   if (out) {
     fs::rename(part, target, error);

@@ -1,8 +1,10 @@
 #include <sidestep/report/canvas.hpp>
 
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
 #include <numbers>
+#include <system_error>
 
 #include <cairo-svg.h>
 #include <cairo.h>
@@ -40,10 +42,12 @@ std::uint32_t packed(const Colour& colour) {
          byte(colour.green * colour.alpha) << 8 | byte(colour.blue * colour.alpha);
 }
 
+/// `errno` was 0 before, and tells why Cairo could not write.
 Result<void> written(cairo_status_t status, const std::filesystem::path& file) {
   if (status == CAIRO_STATUS_SUCCESS) return {};
+  const std::string reason = errno != 0 ? ": " + std::generic_category().message(errno) : "";
   return fail(ErrorCode::kIo,
-              std::string("cannot write the picture: ") + cairo_status_to_string(status),
+              std::string("cannot write the picture: ") + cairo_status_to_string(status) + reason,
               file.string());
 }
 
@@ -197,10 +201,12 @@ Result<void> Canvas::write_png(const std::filesystem::path& file, double scale) 
   if (const auto status = impl_->paint_on(image.get(), scale); status != CAIRO_STATUS_SUCCESS) {
     return written(status, file);
   }
+  errno = 0;
   return written(cairo_surface_write_to_png(image.get(), file.c_str()), file);
 }
 
 Result<void> Canvas::write_svg(const std::filesystem::path& file) const {
+  errno = 0;
   const Surface surface(cairo_svg_surface_create(file.c_str(), width_, height_));
   impl_->paint_on(surface.get(), 1.0);
   cairo_surface_finish(surface.get());

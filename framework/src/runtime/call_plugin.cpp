@@ -1,6 +1,7 @@
 #include <sidestep/runtime/call_plugin.hpp>
 
 #include <exception>
+#include <new>
 
 #include <sidestep/planning/residual_names.hpp>
 #include <sidestep/robot/kinematic_tree.hpp>
@@ -101,6 +102,8 @@ class GuardedRobot final : public RobotModel {
 std::string text_in_flight() {
   try {
     throw;
+  } catch (const std::bad_alloc&) {
+    return "out of memory";
   } catch (const std::exception& exception) {
     return exception.what();
   } catch (...) {
