@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <new>
 #include <utility>
 
 namespace sidestep::bag {
@@ -126,7 +127,13 @@ Writer::Writer(Writer&& other) noexcept
       chunk_(std::move(other.chunk_)),
       chunk_index_(std::move(other.chunk_index_)) {}
 
-Writer::~Writer() { (void)close(); }
+Writer::~Writer() {
+  try {
+    (void)close();
+  } catch (const std::bad_alloc&) {  // The bag lacks its index, which `rosbag reindex` makes.
+    ::close(descriptor_);
+  }
+}
 
 std::uint32_t Writer::add_connection(const std::string& topic, const ros::MessageType& type,
                                      bool latching) {

@@ -97,7 +97,13 @@ RunRecorder::RunRecorder(RunBag bag, std::filesystem::path file, Log& log,
       view_([this](Stamp stamp, const std::string& message) { bag_.viewed(stamp, message); }),
       thread_([this] { work(); }) {}
 
-RunRecorder::~RunRecorder() { finish(); }
+RunRecorder::~RunRecorder() {
+  try {
+    finish();
+  } catch (const std::exception& exception) {
+    tell_loss(exception);
+  }
+}
 
 void RunRecorder::begin(const ObservedWorld& world) {
   queue_.push(RecordClass::kEvent, world, sizeof world);
@@ -130,18 +136,25 @@ void RunRecorder::work() {
   lower_thread_priority(kNice);
   auto flushed = steady_clock::now();
   while (!queue_.is_done()) {
-    const auto item = queue_.pop(kLongestHeld);
     // A robot that throws costs what it was asked for.
     try {
+      const auto item = queue_.pop(kLongestHeld);
       if (item && !bag_.fault()) write(*item);
+      if (steady_clock::now() - flushed >= kLongestHeld) {
+        bag_.flush();
+        flushed = steady_clock::now();
+      }
+      tell_fault();
     } catch (const std::exception& exception) {
-      log_.warn(file_.string() + ": not recorded: " + exception.what());
+      tell_loss(exception);
     }
-    if (steady_clock::now() - flushed >= kLongestHeld) {
-      bag_.flush();
-      flushed = steady_clock::now();
-    }
-    tell_fault();
+  }
+}
+
+void RunRecorder::tell_loss(const std::exception& exception) noexcept {
+  try {
+    log_.warn(file_.string() + ": not recorded: " + exception.what());
+  } catch (const std::exception&) {  // There is no memory even to say so.
   }
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <exception>
 #include <filesystem>
 #include <functional>
 #include <memory>
@@ -90,6 +91,7 @@ class RunRecorder final : public RunObserver {
   void write(const Item& item);
   void write_map(ObservedMap map);
   void tell_fault();
+  void tell_loss(const std::exception& exception) noexcept;
 
   RecordQueue<Item> queue_;
   std::filesystem::path file_;

@@ -80,20 +80,23 @@ EpisodeMapping::EpisodeMapping(ReplanWorld& world, const ReplanConfiguration& co
 }
 
 bool EpisodeMapping::map_one(const Deadline& deadline) {
-  auto step = catch_all("mapping", [&] { return pipeline_.step(deadline); });
-  note_trouble(step);
+  const auto step = catch_all("mapping", [&] {
+    auto made = pipeline_.step(deadline);
+    note_trouble(made);
+    if (made && *made) note_frame(std::move(**made));
+    return made;
+  });
   if (!step) {
     // A goal's end cancels a wait; for the next goal the same sensors are asked again.
     has_ended_ = step.error().code != ErrorCode::kDeadlineExceeded &&
                  step.error().code != ErrorCode::kCancelled;
-    if (has_ended_) fault_ = std::move(step.error());
+    if (has_ended_) fault_ = step.error();
     return false;
   }
   if (!*step) {
     has_ended_ = true;
     return false;
   }
-  note_frame(std::move(**step));
   return true;
 }
 
