@@ -31,7 +31,6 @@ log=build/$preset.log
 mkdir -p build
 echo "Building Sidestep ($preset); the log is $log"
 cmake --preset "$preset" >"$log" 2>&1 || { tail -n 40 "$log" >&2; exit 1; }
-export CCACHE_DEPEND=1  # the compiler says itself which headers it read
 export NINJA_STATUS='| %f of %t | %e | '
 cmake --build --preset "$preset" --target "${targets[@]}" 2>&1 | tee -a "$log" | show_progress || {
   grep -v '^|' "$log" | tail -n 60 >&2
