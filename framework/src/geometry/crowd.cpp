@@ -27,6 +27,8 @@ constexpr double kInstant_s = 1e-6;   ///< In which they come and go.
 constexpr double kWallsFrom_m = 2.0;  ///< Farther ones are not walked around.
 constexpr double kRoom_m = 0.1;       ///< Beside people where they are drawn.
 constexpr double kGoing_mps = 0.05;   ///< A robot that is slower has no direction.
+constexpr double kHunts_s = 6.0;      ///< Then a hunter goes back, and for as long lets it be.
+constexpr double kCaught_m = 0.25;  ///< From the robot's middle to a hunter who need go no nearer.
 constexpr int kDraws = 1000;
 constexpr double kPerPlace_s = 5.0;  ///< Places drawn for so long a walk, at least.
 
@@ -106,6 +108,8 @@ class Drawing {
     };
     person.radius_m = drawn(group.radius_m.x(), group.radius_m.y());
     person.speed_mps = drawn(group.speed_mps.x(), group.speed_mps.y());
+    const bool is_hunter = person.policy == Person::Policy::kHunter;
+    if (is_hunter) person.wakes_m = drawn(group.wakes_m.x(), group.wakes_m.y());
     if (drawn(0.0, 1.0) < group.blind_share) person.sees_robot = Person::Sees::kNever;
     const auto refuse = [&](const std::string& what, const std::string& hint) {
       return fail(ErrorCode::kConfig, "person '" + person.name + "' " + what,
@@ -130,7 +134,8 @@ class Drawing {
       const double longest_m = person.area.sizes().norm();
       const double places =
           people_.duration_s * std::min(1.0 / kPerPlace_s, 3.0 * person.speed_mps / longest_m);
-      const auto wanted = static_cast<std::size_t>(std::clamp(places, 2.0, 200.0));
+      const auto wanted =
+          is_hunter ? std::size_t{1} : static_cast<std::size_t>(std::clamp(places, 2.0, 200.0));
       for (int tries = 0; person.route_m.size() < wanted; ++tries) {
         if (tries == kDraws) {
           return refuse("finds no free way in its area", "a larger area, or fewer people");
@@ -297,7 +302,8 @@ Crowd::Crowd(const Scene& scene)
       sees_robot_ = true;
     } else if (person.policy != Person::Policy::kRecorded) {
       walker.place_m = person.route_m.front();
-      sees_robot_ |= person.sees_robot != Person::Sees::kNever;
+      sees_robot_ |=
+          person.sees_robot != Person::Sees::kNever || person.policy == Person::Policy::kHunter;
     } else if (const auto seen = recorded_at(person, 0.0)) {
       walker.place_m = seen->place_m;
       walker.velocity_mps = seen->velocity_mps;
@@ -330,6 +336,26 @@ Eigen::Vector2d Crowd::preferred(const Person& person, Walker& walker) const {
   return std::min(person.speed_mps / std::max(distance_m, 1e-9), 1.0) * offset_m();
 }
 
+/// It makes for the robot for a while, and then goes back to where it hides.
+Eigen::Vector2d Crowd::hunt(const Person& person, Walker& walker,
+                            const std::optional<OrcaAgent>& robot) const {
+  const Eigen::Vector2d home_m = person.route_m.front() - walker.place_m;
+  const Eigen::Vector2d way_m =
+      robot ? Eigen::Vector2d(robot->position_m - walker.place_m) : home_m;
+  if (walker.hunts_s < 0.0) {
+    walker.hunts_s = std::min(0.0, walker.hunts_s + people_.step_s);
+  } else if (robot && (walker.hunts_s > 0.0 || way_m.norm() < person.wakes_m)) {
+    walker.hunts_s += people_.step_s;
+    if (walker.hunts_s > kHunts_s) walker.hunts_s = -kHunts_s;
+  }
+  if (walker.hunts_s > 0.0) {
+    const bool is_there = way_m.norm() <= person.radius_m + kCaught_m;
+    return is_there ? Eigen::Vector2d::Zero()
+                    : Eigen::Vector2d(person.speed_mps * way_m.normalized());
+  }
+  return std::min(person.speed_mps / std::max(home_m.norm(), 1e-9), 1.0) * home_m;
+}
+
 Eigen::Vector2d Crowd::choose(std::size_t index, const Eigen::Vector2d& preferred_mps,
                               const std::optional<OrcaAgent>& robot) const {
   constexpr double kSkin_m = 0.01;
@@ -354,7 +380,7 @@ Eigen::Vector2d Crowd::choose(std::size_t index, const Eigen::Vector2d& preferre
   if (const auto wall = wall_near(standing_, walker.place_m, kWallsFrom_m)) walls.push_back(*wall);
   OrcaAgent self{walker.place_m, walker.velocity_mps, person.radius_m + kSkin_m};
   const double step_s = people_.step_s;
-  if (person.policy == Person::Policy::kOrca) {
+  if (person.policy == Person::Policy::kOrca || person.policy == Person::Policy::kHunter) {
     OrcaSettings settings;
     settings.step_s = step_s;
     return orca_velocity(self, preferred_mps, person.speed_mps, others, walls, settings);
@@ -436,7 +462,9 @@ bool Crowd::advance(double until_s, const std::optional<OrcaAgent>& robot) {
     for (std::size_t i = 0; i < walkers_.size(); ++i) {
       const Person& person = people_.persons[i];
       if (person.route_m.empty()) continue;
-      const Eigen::Vector2d preferred_mps = preferred(person, walkers_[i]);
+      const Eigen::Vector2d preferred_mps = person.policy == Person::Policy::kHunter
+                                                ? hunt(person, walkers_[i], robot)
+                                                : preferred(person, walkers_[i]);
       velocities[i] = choose(i, preferred_mps, robot);
       const bool is_stuck = velocities[i].norm() < kStuck * preferred_mps.norm();
       walkers_[i].stuck_s = is_stuck ? walkers_[i].stuck_s + step_s : 0.0;

@@ -26,7 +26,8 @@ constexpr PolicyName kPolicies[] = {{"waypoints", Policy::kWaypoints},
                                     {"orca", Policy::kOrca},
                                     {"social_force", Policy::kSocialForce},
                                     {"recorded", Policy::kRecorded},
-                                    {"sudden", Policy::kSudden}};
+                                    {"sudden", Policy::kSudden},
+                                    {"hunter", Policy::kHunter}};
 struct SeesName {
   const char* name;
   Sees sees;
@@ -97,9 +98,15 @@ class PeopleReader : private NodeReader {
       people.groups.push_back(std::move(group));
       return;
     }
-    check_keys(node, {"name", "count", "policy", "radius_m", "speed_mps", "height_m", "legs",
-                      "sees_robot", "blind_share", "route_m", "repeat", "area"});
-    read_sight(node, group);
+    if (person.policy == Policy::kHunter) {
+      check_keys(node, {"name", "count", "policy", "radius_m", "speed_mps", "height_m", "legs",
+                        "wakes_m", "route_m", "area"});
+      read_range(node, "wakes_m", group.wakes_m);
+    } else {
+      check_keys(node, {"name", "count", "policy", "radius_m", "speed_mps", "height_m", "legs",
+                        "sees_robot", "blind_share", "route_m", "repeat", "area"});
+      read_sight(node, group);
+    }
     if (const Node* count = node.find("count")) {
       const auto value = keep(count->as_int());
       if (value && (*value < 1 || *value > 1000)) {

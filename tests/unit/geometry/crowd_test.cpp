@@ -260,6 +260,35 @@ TEST(Crowd, StandsSuddenlyInTheWayOfARobotOnceThatHasGoneSoFar) {
   EXPECT_EQ(at_m.z(), 0.5 * 1.75);
 }
 
+TEST(Crowd, HuntsARobotThatComesNearAndLetsItGo) {
+  const auto robot_m = [](double time_s) { return Eigen::Vector2d(-4.0 + 0.5 * time_s, 0.0); };
+  const Eigen::Vector2d home_m(0.0, 2.0);
+  const double wakes_s = 5.0;  // the robot is 2.5 m away then
+  Crowd crowd(scene_of(
+      "  groups: [{name: boy, policy: hunter, speed_mps: 1.2, wakes_m: 2.5, legs: false, radius_m: "
+      "0.25, "
+      "route_m: [[0, 2]]}]\n",
+      "[{name: pillar, shape: {box: {size_m: [0.4, 0.4, 2]}}, pose: {xyz_m: [-0.4, 1.0, 1]}}]"));
+  EXPECT_TRUE(crowd.sees_robot());
+  for (int i = 0; i <= 200; ++i) {
+    crowd.advance(0.1 * i, OrcaAgent{robot_m(0.1 * i), {0.5, 0.0}, 0.3});
+  }
+  const Scene scene = crowd.scene();
+  double least_m = 10.0;
+  for (double time_s = 0.0; time_s < 20.0; time_s += 0.05) {
+    const Eigen::Vector2d at_m = place_of(scene, 0, time_s);
+    const double away_m = (at_m - robot_m(time_s)).norm();
+    least_m = std::min(least_m, away_m);
+    if (time_s < wakes_s - 0.2 || time_s > 16.0) EXPECT_LT((at_m - home_m).norm(), 0.05) << time_s;
+    // Past the pillar, not through it.
+    const Eigen::Vector2d beside_m = (at_m - Eigen::Vector2d(-0.4, 1.0)).cwiseAbs();
+    EXPECT_GT((beside_m.array() - 0.2).cwiseMax(0.0).matrix().norm(), 0.2) << time_s;
+    // At 1.2 m/s it has caught up with the robot three seconds later.
+    if (time_s > wakes_s + 3.0 && time_s < wakes_s + 5.5) EXPECT_LT(away_m, 0.6) << time_s;
+  }
+  EXPECT_GT(least_m, 0.3);
+}
+
 TEST(Crowd, StandsSuddenlyWhereThereIsRoomAndWhereItMay) {
   Eigen::Vector3d at_m;
   const std::string pillar =
@@ -355,6 +384,8 @@ TEST(ReadPeople, NamesWhatIsWrongAndWhere) {
   expect_mistake("  groups: [{name: a, policy: orka, route_m: [[0, 0]]}]\n",
                  HasSubstr("did you mean 'orca'"));
   expect_mistake("  groups: [{name: a, policy: sudden, count: 2}]\n", HasSubstr("unknown key"));
+  expect_mistake("  groups: [{name: a, policy: hunter, wakes_m: 0, route_m: [[0, 0]]}]\n",
+                 HasSubstr("wakes_m must be greater than 0"));
   expect_mistake("  groups: [{name: a, policy: sudden, size_m: [0.2, -1]}]\n",
                  HasSubstr("greater than 0"));
   expect_mistake(one(""), AllOf(HasSubstr("'one' starts inside"), HasSubstr("scene.yaml:4:")),

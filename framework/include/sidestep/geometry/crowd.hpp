@@ -45,6 +45,7 @@ class Crowd {
     double stride_rad = 0.0;  ///< Phase of the legs.
     std::size_t next = 1;     ///< Of the route.
     double stuck_s = 0.0;     ///< For so long it has got nowhere.
+    double hunts_s = 0.0;     ///< For so long it has hunted; if negative, for so long it will not.
     std::size_t object = 0;   ///< The first of its body.
     bool is_there = true;
   };
@@ -52,6 +53,8 @@ class Crowd {
   void follow_robot(const OrcaAgent& robot);
   void appear(std::size_t index, const OrcaAgent& robot);
   [[nodiscard]] Eigen::Vector2d preferred(const Person& person, Walker& walker) const;
+  [[nodiscard]] Eigen::Vector2d hunt(const Person& person, Walker& walker,
+                                     const std::optional<OrcaAgent>& robot) const;
   [[nodiscard]] Eigen::Vector2d choose(std::size_t index, const Eigen::Vector2d& preferred_mps,
                                        const std::optional<OrcaAgent>& robot) const;
   void note_bodies(std::size_t index, bool was_there);

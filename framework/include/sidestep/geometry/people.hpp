@@ -26,6 +26,7 @@ struct Person {
     kSocialForce,  ///< Helbing and Molnar, "Social force model for pedestrian dynamics", 1995.
     kRecorded,     ///< As it was recorded; there only while it was.
     kSudden,       ///< Not there until it stands in the robot's way, from one moment to the next.
+    kHunter,       ///< Hides until the robot comes near, and then makes straight for it.
   };
   enum class Sees { kNever, kAlways, kInFront };
 
@@ -40,6 +41,7 @@ struct Person {
   std::optional<Eigen::Vector2d> box_m;  ///< Instead of a body: an upright box, deep and wide so.
   double after_m = 1.0;                  ///< Of kSudden: so far the robot has gone before it comes,
   double ahead_m = 1.7;                  ///< so far before the robot's middle it stands then.
+  double wakes_m = 3.0;                  ///< Of kHunter: from how near it hunts.
   Eigen::AlignedBox2d area;  ///< Where routes are drawn; where one of kSudden may stand.
   /// The first is where it starts. Empty for recorded people and those of kSudden.
   std::vector<Eigen::Vector2d> route_m;
@@ -53,6 +55,7 @@ struct PeopleGroup {
   Eigen::Vector2d radius_m{0.25, 0.25};  ///< From, to; as the next.
   Eigen::Vector2d speed_mps{1.2, 1.2};
   Eigen::Vector2d after_m{1.0, 1.0};
+  Eigen::Vector2d wakes_m{3.0, 3.0};
   double blind_share = 0.0;  ///< How likely one does not see the robot, whatever the others do.
   SourceMark mark;
 };
