@@ -95,10 +95,19 @@ struct ReplanSettings : ExperimentSettings, TaskEntry {
   std::optional<RandomEntry> random;
   TruthSettings truth;
   bool tracks = false;
+  bool policies = false;
   int pictures = 8;
 
   static Parameters<ReplanSettings> parameters();
   [[nodiscard]] bool is_lockstep() const { return clock == "lockstep"; }
+  /// Declares `policies`, which all loops have.
+  template <class Settings>
+  static Parameters<Settings> with_policies(Parameters<Settings> parameters) {
+    return std::move(parameters)
+        .add("policies", &Settings::policies,
+             "Holds each step against what docs/closed_loop.md promises; an episode that breaks a "
+             "promise is no success.");
+  }
   [[nodiscard]] bool sees_truth() const { return perception == "truth"; }
 };
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <random>
+#include <set>
 
 #include <sidestep/certificates/leave_certificate.hpp>
 #include <sidestep/core/seed.hpp>
@@ -10,6 +11,7 @@
 #include <sidestep/planning/initial_guess.hpp>
 #include <sidestep/planning/shape_obstacles.hpp>
 #include <sidestep/runtime/gaze_loop.hpp>
+#include <sidestep/runtime/loop_policies.hpp>
 #include <sidestep/runtime/step_watch.hpp>
 #include <sidestep/trajectory/splice.hpp>
 
@@ -79,6 +81,7 @@ class EpisodeRun {
     record_.reached = status_ == Replanner::Status::kReached;
     record_.q_goal = world_.q_goal = replanner_->goal();
     note_goal_error();
+    note_policies();
     record_.checks = replanner_->checks();
     record_.guesses = replanner_->guess_counts();
     static_cast<MappingRecord&>(record_) = mapping_.take_record();
@@ -167,16 +170,22 @@ class EpisodeRun {
     ReplannerSettings settings = settings_.replanner;
     settings.limit_wall_time = !settings_.experiment.is_lockstep();
     settings.seed = world_.seed;
+    const auto limits = settings_.planning.limits(world_.robot->description());
+    std::optional<LoopPolicies> policies;
+    if (settings_.experiment.policies) {
+      policies.emplace(world_.robot, limits, settings_.planning.space(), settings);
+    }
+    judged_.emplace(std::move(policies), world_.mover(), slot_);
     replanner_.emplace(
         Replanner::Parts{world_.robot,
-                         world_.mover(),
+                         judged_->executor(),
                          *world_.optimiser,
                          world_.sampler.get(),
                          slot_,
                          problems_of(settings_, world_),
                          {world_.q_goal, Eigen::VectorXd::Zero(world_.q_goal.size())},
                          settings_.planning.space(),
-                         settings_.planning.limits(world_.robot->description()),
+                         limits,
                          context_.log,
                          plugin_of(world_.executor),
                          plugin_of(world_.optimiser),
@@ -241,7 +250,7 @@ class EpisodeRun {
   bool step(Stamp now) {
     const std::size_t first = events_.size();
     const Stopwatch watch;
-    status_ = replanner_->step(now, events_);
+    status_ = judged_->step(*replanner_, now, events_);
     const double step_ms = watch.elapsed_ms();
     if (gaze_ && gaze_->is_due(now)) turn_head(now);
     ++record_.steps;
@@ -266,7 +275,7 @@ class EpisodeRun {
     if (status_ == Replanner::Status::kReached) return;
     const std::size_t first = events_.size();
     Stamp now = world_.clock->now();
-    replanner_->stop(now, "the episode is over", events_);
+    judged_->stop(*replanner_, now, "the episode is over", events_);
     note_events(now, first);
     const Stamp last{now.ns + Stamp::from_seconds(kLongestStop_s).ns};
     while (now < last && !is_at_rest()) {
@@ -366,6 +375,17 @@ class EpisodeRun {
     record_.goal_error_m = std::hypot(off[base->x()], off[base->y()]);
   }
 
+  void note_policies() {
+    if (!settings_.experiment.policies) return;
+    std::set<std::string_view> broken;
+    for (const PolicyBreach& breach : judged_->breaches()) {
+      broken.insert(breach.policy);
+      context_.log.warn("policy " + std::string(breach.policy) + " is broken at " +
+                        std::to_string(breach.stamp.seconds()) + " s: " + breach.what);
+    }
+    record_.broken_policies = std::ssize(broken);
+  }
+
   void note_truth(Stamp now, bool always) {
     if (world_.true_robot == nullptr || (now < next_truth_ && !always)) return;
     const auto record = [&](Stamp stamp) {
@@ -445,6 +465,9 @@ class EpisodeRun {
           "link '" + own->link + "' touched '" + own->object + "' (" + own->cause + ")";
     } else if (truth_fault_) {
       record_.reason = "what the robot touched is not known: " + truth_fault_->describe();
+    } else if (!judged_->breaches().empty()) {
+      const PolicyBreach& first = judged_->breaches().front();
+      record_.reason = "policy " + std::string(first.policy) + " is broken: " + first.what;
     } else if (record_.interrupted) {
       record_.reason = "interrupted";
     } else if (!record_.called_off.empty()) {
@@ -470,6 +493,7 @@ class EpisodeRun {
   SnapshotSlot& slot_ = *parts_.world.slot;
   EpisodeMapping& mapping_ = parts_.mapping;
   RunObserver* observer_ = context_.observer;  ///< May be null.
+  std::optional<JudgedLoop> judged_;           ///< Nothing where nobody looks at policies.
   std::optional<Replanner> replanner_;
   std::optional<GazeLoop> gaze_;  ///< Nothing where the head rests.
   Stamp begin_ = world_.clock->now();

@@ -253,6 +253,7 @@ const StoredRow<EpisodeRow>& stored_episode() {
                    .add("goal_error_m", &E::goal_error_m)
                    .add("motions", &E::motions)
                    .add("proven_motions", &E::proven_motions)
+                   .add("broken_policies", &E::broken_policies)
                    .add("collisions", &E::collisions)
                    .add("steps", &E::steps)
                    .add("checks", &E::checks)

@@ -81,6 +81,8 @@ struct EpisodeFigures {
   /// what the map held as they began; nothing where no certificates were asked for.
   std::optional<std::int64_t> motions = {};
   std::optional<std::int64_t> proven_motions = {};
+  /// Promises of docs/closed_loop.md that it broke; nothing where nobody looked.
+  std::optional<std::int64_t> broken_policies = {};
 };
 
 /// Result of one episode.

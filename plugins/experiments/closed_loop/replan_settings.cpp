@@ -257,7 +257,7 @@ ReplanConfiguration read_replan_configuration(const Configuration& configuration
 
 Parameters<ReplanSettings> ReplanSettings::parameters() {
   using S = ReplanSettings;
-  return declare_task(loop_parameters(),
+  return declare_task(with_policies(loop_parameters()),
                       "Where a link is to be at the end; the goal configuration is found by it.")
       .add("random", &S::random, "What is drawn anew for each episode.")
       .add("truth", &S::truth,

@@ -8,7 +8,10 @@
 #include <string>
 #include <vector>
 
+#include <gtest/gtest.h>
+
 #include <sidestep/planning/executor.hpp>
+#include <sidestep/runtime/loop_policies.hpp>
 #include <sidestep/runtime/replanner.hpp>
 
 #include "support/ball_robot.hpp"
@@ -230,6 +233,15 @@ class ClosedLoop {
     };
   }
 
+  ~ClosedLoop() {
+    if (!judged) return;
+    for (const PolicyBreach& breach : judged->breaches()) {
+      ADD_FAILURE() << "policy " << breach.policy << " is broken at " << breach.stamp.seconds()
+                    << " s: " << breach.what << "\n"
+                    << story();
+    }
+  }
+
   static ReplannerSettings defaults() {
     ReplannerSettings settings;
     settings.limit_wall_time = false;
@@ -241,8 +253,10 @@ class ClosedLoop {
   static RobotState goal() { return {Eigen::Vector3d(4, 0, 0), Eigen::Vector3d::Zero()}; }
 
   void make() {
+    judged.emplace(LoopPolicies(robot, limits, {Space::kFree, Space::kFree}, settings_), executor,
+                   slot);
     replanner.emplace(Replanner::Parts{.robot = robot,
-                                       .executor = executor,
+                                       .executor = judged->executor(),
                                        .optimiser = planner,
                                        .sampler = sampler,
                                        .slot = slot,
@@ -273,7 +287,8 @@ class ClosedLoop {
         mapped = obstacles;
         publish(Stamp::from_seconds(executor.now.seconds() - map_age_s));
       }
-      status = replanner->step(executor.now, events);
+      status = judged->step(*replanner, executor.now, events);
+      if (note_step) note_step(judged->last());
       note_motion();
       if (status == Replanner::Status::kReached) break;
     }
@@ -310,7 +325,9 @@ class ClosedLoop {
   Replanner::PoseProblem pose;
   std::function<std::optional<Eigen::VectorXd>(std::shared_ptr<const DistanceField>)> other_goal;
   SnapshotSlot slot;
+  std::function<void(const LoopStep&)> note_step;
   QuietLog log;
+  std::optional<JudgedLoop> judged;  ///< Every step is.
   std::optional<Replanner> replanner;
   Replanner::Status status = Replanner::Status::kWaiting;
   std::vector<ReplannerEvent> events;

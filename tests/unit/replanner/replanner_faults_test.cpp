@@ -129,7 +129,7 @@ TEST(ReplannerFaults, AStopThatFailedIsAskedForAgainOnceTheExecutorAnswers) {
 TEST(ReplannerFaults, AnEndIsAStopAlongThePath) {
   ClosedLoop loop;
   loop.run(2.0);
-  loop.replanner->stop(loop.executor.now, "enough", loop.events);
+  loop.judged->stop(*loop.replanner, loop.executor.now, "enough", loop.events);
   ASSERT_NE(loop.first(Kind::kStopped), nullptr);
   EXPECT_EQ(loop.first(Kind::kStopped)->reason, Reason::kEnd);
   EXPECT_EQ(loop.first(Kind::kStopped)->cause, "enough");
@@ -138,7 +138,7 @@ TEST(ReplannerFaults, AnEndIsAStopAlongThePath) {
   EXPECT_EQ(loop.executor.state().qdot.norm(), 0.0);
   EXPECT_LT(loop.executor.state().q.x(), 3.0);
   const std::size_t told = loop.events.size();
-  loop.replanner->stop(loop.executor.now, "again", loop.events);
+  loop.judged->stop(*loop.replanner, loop.executor.now, "again", loop.events);
   EXPECT_EQ(loop.events.size(), told);
 }
 
