@@ -329,6 +329,11 @@ const report::ResultColumnsOf<ReplanRows>& replan_metrics() {
                "held as they began, with certificates in the run's folder `certificates`; null "
                "where none were asked for.",
                measured("certified", report::kPercent))
+          .add(
+              "broken_policies", sum_measured(&E::broken_policies),
+              "Promises of docs/closed_loop.md that an episode broke, summed over them; null where "
+              "`experiment.policies` asked for none to be looked at.",
+              measured("broken policies", "%g"))
           .add("replans", sum(&E::replans), "Trajectories replaced on the way.",
                {.heading = "replans", .compared = true})
           .add("guesses", &guesses_of, "First guesses: how often tried, and how often one led.")
