@@ -8,6 +8,7 @@
 
 #include "command_line.hpp"
 #include "support/recorded_file.hpp"
+#include "support/stored_numbers.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace sidestep::testing {
@@ -27,17 +28,33 @@ constexpr int kProblems = 6;  ///< Of recorded_disc().
 class IncrementalBenchmarkTest : public ::testing::Test {
  protected:
   [[nodiscard]] Finished run_it(const std::vector<std::string>& sets = {},
-                                const std::string& out = "run") const {
+                                const std::string& out = "run",
+                                const std::vector<std::string>& options = {}) const {
+    return run(arguments(sets, out, options));
+  }
+  [[nodiscard]] std::vector<std::string> arguments(const std::vector<std::string>& sets,
+                                                   const std::string& out,
+                                                   const std::vector<std::string>& options) const {
     const fs::path problems = folder_.write("problems.json", recorded_disc().dump());
     std::vector<std::string> arguments = {"run",   kConfig,
-                                          "--out", (folder_.path() / out).string(),
                                           "--set", "experiment.problems=" + problems.string(),
                                           "--set", "experiment.runs=[study]"};
     for (const std::string& set : sets) {
       arguments.emplace_back("--set");
       arguments.push_back(set);
     }
-    return run(arguments);
+    if (!out.empty()) arguments.insert(arguments.end(), {"--out", at(out)});
+    arguments.insert(arguments.end(), options.begin(), options.end());
+    return arguments;
+  }
+  [[nodiscard]] std::string at(const std::string& out) const {
+    return (folder_.path() / out).string();
+  }
+  /// What was found, without times.
+  [[nodiscard]] testing_support::StoredNumbers numbers(const std::string& out) const {
+    std::vector<std::string> all = {"series"};
+    for (const std::string& way : kWays) all.insert(all.end(), {way + "/0", way + "/1"});
+    return testing_support::stored_numbers(folder_.path() / out, all, {"solve_ms"});
   }
   [[nodiscard]] Json summary() const {
     return Json::parse(read_file(folder_.path() / "run" / "summary.json"), nullptr, false);
@@ -144,6 +161,62 @@ TEST_F(IncrementalBenchmarkTest, WritesSummaryTableAndReport) {
   const Finished compared = run({"report", out.string(), out.string()});
   EXPECT_EQ(compared.exit_code, 0) << compared.error;
   EXPECT_THAT(compared.out, HasSubstr("incremental"));
+}
+
+TEST_F(IncrementalBenchmarkTest, ShardsTogetherAreTheWholeRun) {
+  ASSERT_EQ(run_it({}, "whole").exit_code, 0);
+  ASSERT_EQ(run_it({}, "a", {"--shard", "1/3"}).exit_code, 0);
+  ASSERT_EQ(run_it({}, "b", {"--shard", "2/3"}).exit_code, 0);
+  ASSERT_EQ(run_it({}, "c", {"--shard", "3/3"}).exit_code, 0);
+  // A shard has one pair, in both scenes: 6 D^2 / T^3.
+  for (const auto& [shard, known] : {std::pair("a", 0.192), {"b", 0.192}, {"c", 0.048}}) {
+    for (const std::string& way : kWays) {
+      const auto cost = column(way + "/1", "cost", shard);
+      ASSERT_EQ(cost.size(), 2u) << shard;
+      for (const double one : cost) EXPECT_NEAR(one, known, 2e-5) << shard << " " << way;
+    }
+  }
+  const Finished merged = run({"report", at("c"), at("a"), at("b"), "--merged", at("merged")});
+  ASSERT_EQ(merged.exit_code, 0) << merged.error;
+  EXPECT_THAT(merged.out, HasSubstr("Success: 12 changed problems"));
+  EXPECT_EQ(numbers("merged"), numbers("whole"));
+  EXPECT_EQ(numbers("whole").size(), 4u * 2 + 10u * 2 * 3 * kProblems);
+  ASSERT_EQ(run_it({}, "jobs", {"--jobs", "2"}).exit_code, 0);
+  EXPECT_EQ(numbers("jobs"), numbers("whole"));
+  const Finished lacking = run({"report", at("a"), at("b"), "--merged", at("lacking")});
+  EXPECT_EQ(lacking.exit_code, 1);
+  EXPECT_THAT(lacking.out, HasSubstr("Incomplete: 8 of 12 changed problems"));
+}
+
+TEST_F(IncrementalBenchmarkTest, ShardsThatDoNotFitAreRefused) {
+  ASSERT_EQ(run_it({}, "a", {"--shard", "1/2"}).exit_code, 0);
+  ASSERT_EQ(run_it({"experiment.goal_sd=0.2"}, "b", {"--shard", "2/2"}).exit_code, 0);
+  const auto refused = [&](const std::string& other, const std::string& message) {
+    const Finished merged = run({"report", at("a"), at(other), "--merged", at("merged")});
+    EXPECT_EQ(merged.exit_code, 2) << message;
+    EXPECT_THAT(merged.error, HasSubstr(message));
+  };
+  refused("a", "shard 1/2 is there twice");
+  refused("b", "`goal_sd: 0.1` there, `goal_sd: 0.2` here");
+}
+
+TEST_F(IncrementalBenchmarkTest, AnInterruptedRunGoesOn) {
+  const std::vector<std::string> long_one = {"experiment.repeats=1000"};
+  CommandLine command(arguments(long_one, "run", {}));
+  ASSERT_TRUE(command.wait_for("study, signed, other goal"));
+  command.send(SIGINT);
+  const Finished interrupted = command.wait();
+  ASSERT_EQ(interrupted.exit_code, 1) << interrupted.error;
+  EXPECT_EQ(summary().at("complete"), false);
+  const auto before = column("warm/0", "repeats");
+  ASSERT_FALSE(before.empty());
+  EXPECT_LT(*std::ranges::min_element(before), 1000.0);
+  const Finished resumed = run(arguments(long_one, "", {"--resume", at("run")}));
+  ASSERT_EQ(resumed.exit_code, 0) << resumed.error;
+  EXPECT_EQ(column("warm/1", "repeats"), std::vector<double>(kProblems, 1000.0));
+  EXPECT_EQ(summary().at("/time/sessions"_json_pointer), 2);
+  ASSERT_EQ(run_it(long_one, "whole").exit_code, 0);
+  EXPECT_EQ(numbers("run"), numbers("whole"));
 }
 
 TEST_F(IncrementalBenchmarkTest, RefusesWhatItSetsItself) {

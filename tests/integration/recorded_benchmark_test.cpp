@@ -8,6 +8,7 @@
 
 #include "command_line.hpp"
 #include "support/recorded_file.hpp"
+#include "support/stored_numbers.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace sidestep::testing {
@@ -214,11 +215,143 @@ TEST_F(RecordedBenchmarkTest, KeepsWhatWasMeasuredWhenInterrupted) {
   EXPECT_THAT(finished.out, HasSubstr("Interrupted"));
   const Json part = summary();
   EXPECT_EQ(part.at("interrupted"), true);
-  ASSERT_EQ(part.at("runs").size(), 1u);
+  ASSERT_EQ(part.at("runs").size(), 2u);
+  EXPECT_EQ(part.at("runs")[1].at("problems"), 0);
   const std::size_t solved = part.at("runs")[0].at("problems");
   EXPECT_GE(solved, 25u) << "progress was told";
   EXPECT_EQ(column("solve/0", "solve_ms").size(), solved);
   EXPECT_TRUE(fs::exists(out_ / "report.html"));
+}
+
+/// Runs in folders of their own, on one file of problems.
+class DividedRecordedTest : public RecordedBenchmarkTest {
+ protected:
+  [[nodiscard]] std::string at(const std::string& out) const {
+    return (folder_.path() / out).string();
+  }
+  [[nodiscard]] std::vector<std::string> arguments(const std::string& out,
+                                                   const std::vector<std::string>& options) const {
+    std::vector<std::string> all = {"run", kConfig, "--set",
+                                    "experiment.problems=" + problems_.string()};
+    all.insert(all.end(), options.begin(), options.end());
+    if (!out.empty()) all.insert(all.end(), {"--out", at(out)});
+    return all;
+  }
+  [[nodiscard]] int run_to(const std::string& out,
+                           const std::vector<std::string>& options = {}) const {
+    return run(arguments(out, options)).exit_code;
+  }
+  [[nodiscard]] testing_support::StoredNumbers numbers(const std::string& out) const {
+    return testing_support::stored_numbers(folder_.path() / out, {"series", "solve/0", "solve/1"},
+                                           {"solve_ms"});
+  }
+  /// All of a summary that no clock has a say in: of the peer's times, all.
+  [[nodiscard]] Json timeless(const std::string& out) const {
+    Json json = Json::parse(read_file(folder_.path() / out / "summary.json"), nullptr, false);
+    json.erase("time");
+    for (Json& one : json.at("runs")) {
+      one.erase("solve_ms");
+      one.erase("lm_iteration_us");
+    }
+    return json;
+  }
+
+  fs::path problems_ = folder_.write("divided.json", recorded_disc().dump());
+};
+
+TEST_F(DividedRecordedTest, ShardsTogetherAreTheWholeRun) {
+  ASSERT_EQ(run_to("whole"), 0);
+  for (const std::string i : {"1", "2"}) {
+    const Finished shard = run(arguments("shard" + i, {"--shard", i + "/2"}));
+    ASSERT_EQ(shard.exit_code, 0) << shard.error;
+    EXPECT_THAT(shard.out, HasSubstr("Shard " + i + "/2: Success: 6 solves"));
+  }
+  // Every other problem of each run: scenes 0 0 0 1 1 1, pairs 0 1 2 0 1 2.
+  const auto of_shard = [&](const char* shard, const std::string& series, const char* key) {
+    const auto results = ResultsReader::open(folder_.path() / shard / "results.sqlite");
+    return (*results)->column(series, key).value();
+  };
+  for (const std::string series : {"solve/0", "solve/1"}) {
+    EXPECT_EQ(of_shard("shard1", series, "pair"), (std::vector<double>{0, 2, 1}));
+    EXPECT_EQ(of_shard("shard1", series, "scene"), (std::vector<double>{0, 0, 1}));
+    EXPECT_EQ(of_shard("shard2", series, "pair"), (std::vector<double>{1, 0, 2}));
+  }
+  const auto costs = of_shard("shard1", "solve/0", "cost");
+  ASSERT_EQ(costs.size(), 3u);
+  for (const std::size_t i : {0u, 1u, 2u}) EXPECT_NEAR(costs[i], i == 1 ? 0.048 : 0.192, 2e-5);
+
+  const Finished merged = run({"report", at("shard2"), at("shard1"), "--merged", at("merged")});
+  ASSERT_EQ(merged.exit_code, 0) << merged.error;
+  EXPECT_EQ(numbers("merged"), numbers("whole"));
+  EXPECT_EQ(timeless("merged"), timeless("whole"));
+  for (const char* file : {"report.html", "effective_config.yaml", "planner_costs.png"}) {
+    EXPECT_TRUE(fs::exists(folder_.path() / "merged" / file)) << file;
+  }
+  ASSERT_EQ(run_to("jobs", {"--jobs", "2"}), 0);
+  EXPECT_EQ(numbers("jobs"), numbers("whole"));
+  for (const std::string i : {"1", "3"}) ASSERT_EQ(run_to("third" + i, {"--shard", i + "/3"}), 0);
+  const Finished lacking = run({"report", at("third3"), at("third1"), "--merged", at("lacking")});
+  EXPECT_EQ(lacking.exit_code, 1);
+  EXPECT_THAT(lacking.out, HasSubstr("Incomplete: 8 of 12 solves"));
+}
+
+TEST_F(DividedRecordedTest, RunsThatDoNotFitAreRefused) {
+  ASSERT_EQ(run_to("a", {"--shard", "1/2"}), 0);
+  ASSERT_EQ(run_to("b", {"--shard", "2/2", "--set", "experiment.seed=8"}), 0);
+  ASSERT_EQ(run_to("c", {"--shard", "2/3"}), 0);
+  const fs::path elsewhere = folder_.write("elsewhere.json", recorded_disc().dump());
+  ASSERT_EQ(run_to("d", {"--shard", "2/2", "--threads", "2", "--set",
+                         "experiment.problems=" + elsewhere.string()}),
+            0);
+  Json other = recorded_disc();
+  other["pairs"][0] = {1, 0};
+  const fs::path others = folder_.write("others.json", other.dump());
+  ASSERT_EQ(run_to("e", {"--shard", "2/2", "--set", "experiment.problems=" + others.string()}), 0);
+  const auto merge = [&](const std::string& with) {
+    return run({"report", at("a"), at(with), "--merged", at("merged")});
+  };
+  EXPECT_EQ(merge("d").exit_code, 0) << "the same problems, in another place, on more threads";
+  const auto refused = [&](const Finished& finished, const std::string& message) {
+    EXPECT_EQ(finished.exit_code, 2) << message;
+    EXPECT_THAT(finished.error, HasSubstr(message));
+  };
+  refused(merge("a"), "shard 1/2 is there twice");
+  refused(merge("b"), "`seed: 7` there, `seed: 8` here");
+  refused(merge("c"), "the shard is 2/3, the first one is 1/2");
+  refused(merge("e"), "`contents of the problems: ");
+  refused(run(arguments("", {"--resume", at("a")})), "the run to resume is shard 1/2");
+  refused(run(arguments("", {"--resume", at("b"), "--shard", "2/2"})),
+          "the run to resume is another one: `seed: 8` there");
+  refused(run(arguments("f", {"--shard", "1/7"})), "there are 6 problems, too few for 7 shards");
+}
+
+TEST_F(DividedRecordedTest, AnInterruptedRunGoesOn) {
+  const std::vector<std::string> long_one = {"--set", "experiment.repeats=1000"};
+  CommandLine command(arguments("run", long_one));
+  ASSERT_TRUE(command.wait_for("study, signed"));
+  command.send(SIGINT);
+  const Finished interrupted = command.wait();
+  ASSERT_EQ(interrupted.exit_code, 1) << interrupted.error;
+  EXPECT_THAT(interrupted.out, HasSubstr("--resume goes on"));
+  const auto before = column("solve/0", "repeats");
+  const auto times = column("solve/0", "solve_ms");
+  ASSERT_FALSE(before.empty());
+  EXPECT_LT(*std::ranges::min_element(before), 1000.0);
+
+  std::vector<std::string> resume = long_one;
+  resume.insert(resume.end(), {"--resume", at("run")});
+  const Finished resumed = run(arguments("", resume));
+  ASSERT_EQ(resumed.exit_code, 0) << resumed.error;
+  const auto after = column("solve/0", "solve_ms");
+  ASSERT_EQ(after.size(), 6u);
+  for (std::size_t i = 0; i < times.size(); ++i)
+    EXPECT_LE(after[i], times[i]) << "the least counts";
+  EXPECT_EQ(column("solve/0", "repeats"), std::vector<double>(6, 1000.0));
+  EXPECT_EQ(column("solve/1", "repeats"), std::vector<double>(6, 1000.0));
+  EXPECT_EQ(summary().at("/time/sessions"_json_pointer), 2);
+  ASSERT_EQ(run_to("whole", long_one), 0);
+  EXPECT_EQ(numbers("run"), numbers("whole"));
+  EXPECT_EQ(timeless("run"), timeless("whole"));
 }
 
 TEST_F(RecordedBenchmarkTest, RefusesWhatItCannotUse) {

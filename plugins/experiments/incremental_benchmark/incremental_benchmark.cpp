@@ -46,20 +46,51 @@ inline constexpr std::array kSolveWays = {"afresh", "warm", "incremental"};
 
 /// A changed problem in all ways.
 struct ChangedSolve {
-  int scene = 0;
-  int pair = 0;
-  bool ends_free = false;  ///< Start and goal touch nothing.
   std::array<RecordedSolve, kSolveWays.size()> ways;
 
+  ChangedSolve() = default;
+  ChangedSolve(std::int64_t place, const RecordedOutcome& outcome) {
+    for (RecordedSolve& solve : ways) {
+      solve.problem = place;
+      solve.scene = outcome.scene;
+      solve.pair = outcome.pair;
+    }
+  }
+
+  [[nodiscard]] const RecordedSolve& first() const noexcept { return ways.front(); }
+  [[nodiscard]] bool ends_free() const noexcept { return first().ends_free; }
   [[nodiscard]] bool solved() const noexcept {
     return std::ranges::all_of(ways, &RecordedSolve::solved);
   }
-};
+  [[nodiscard]] std::optional<std::string> unsolved_reason() const {
+    const auto unsolved = std::ranges::find(ways, false, &RecordedSolve::solved);
+    return unsolved != ways.end() ? std::optional(unsolved->reason) : std::nullopt;
+  }
+  /// Of the series with index `series`: series "afresh/SERIES" and so on, one item a problem.
+  void record(std::size_t series, Recorder& recorder) const {
+    for (std::size_t way = 0; way < ways.size(); ++way) {
+      stored().record(ways[way], name_of(way, series), ways[way].problem, recorder);
+    }
+  }
+  static Result<std::vector<ChangedSolve>> read(ResultsReader& reader, std::size_t series,
+                                                const std::string& file) {
+    std::vector<ChangedSolve> solves;
+    for (std::size_t way = 0; way < kSolveWays.size(); ++way) {
+      const auto its = SIDESTEP_TRY(read_solves(stored(), reader, name_of(way, series), file));
+      solves.resize(std::max(solves.size(), its.size()));
+      for (std::size_t i = 0; i < its.size(); ++i) solves[i].ways[way] = its[i];
+    }
+    return solves;
+  }
 
-/// All problems of a recorded run with one change.
-struct ChangedSeries : RecordedRun {
-  std::string change;  ///< "goal" or "obstacles".
-  std::vector<ChangedSolve> problems;
+ private:
+  static std::string name_of(std::size_t way, std::size_t series) {
+    return std::string(kSolveWays[way]) + "/" + std::to_string(series);
+  }
+  static const StoredRow<RecordedSolve>& stored() {
+    static const auto kStored = stored_solve<RecordedSolve>();
+    return kStored;
+  }
 };
 
 constexpr const char* kGoal = "goal";
@@ -93,6 +124,7 @@ RecordedProblems with_moved_boxes(RecordedProblems problems, double sd_m, std::u
 struct ChangedProblem {
   Problem before, after;
   Trajectory line_before, line_after;
+  std::array<Trajectory, kSolveWays.size()> found;  ///< After it, by way.
 };
 
 /// What a series of solves borrows.
@@ -100,12 +132,11 @@ struct IncrementalBench {
   const RecordedProblems& problems;
   const RecordedProblems& moved;
   const IncrementalSettings& settings;
-  ExperimentContext& context;
+  const ExperimentContext& context;
   RecordedFields fields{problems}, moved_fields{moved};
-  SolveProgress progress{context, problems, 2 * settings.repeats};
 };
 
-void change_goal(Problem& problem, const RecordedOutcome& of, const IncrementalBench& bench) {
+void change_goal(Problem& problem, const RecordedSolve& of, const IncrementalBench& bench) {
   auto random = random_of(bench.context.seed,
                           "goal/" + std::to_string(of.scene) + "/" + std::to_string(of.pair));
   std::normal_distribution<double> normal(0.0, 1.0);
@@ -135,122 +166,88 @@ void change_field(Problem& problem, std::shared_ptr<const DistanceField> field,
   }
 }
 
-std::vector<ChangedProblem> pose(const RecordedRun& run, const std::string& change,
-                                 IncrementalBench& bench) {
-  std::vector<ChangedProblem> posed;
-  for (const RecordedOutcome& of : run.outcomes) {
-    ChangedProblem one;
-    one.before =
-        recorded_problem(bench.problems, bench.fields.of(of.scene, run.is_signed), of.pair);
-    one.after = one.before;
-    if (change == kGoal) {
-      change_goal(one.after, of, bench);
-    } else {
-      change_field(one.after, bench.moved_fields.of(of.scene, run.is_signed), bench);
-    }
-    one.line_before = straight_line(one.before);
-    one.line_after = straight_line(one.after);
-    posed.push_back(std::move(one));
+ChangedProblem pose(const RecordedSolve& of, const RecordedSeries& series,
+                    IncrementalBench& bench) {
+  ChangedProblem posed;
+  posed.before =
+      recorded_problem(bench.problems, bench.fields.of(of.scene, series.is_signed), of.pair);
+  posed.after = posed.before;
+  if (series.change == kGoal) {
+    change_goal(posed.after, of, bench);
+  } else {
+    change_field(posed.after, bench.moved_fields.of(of.scene, series.is_signed), bench);
   }
+  posed.line_before = straight_line(posed.before);
+  posed.line_after = straight_line(posed.after);
   return posed;
 }
 
-/// Solves a problem before its change, which is not timed, and after it in all ways, beginning with
-/// another one in turn: the first one finds the memory of the change cold. Of the optimisers,
-/// `kept` keeps what it can.
-void solve_changed(const ChangedProblem& posed, PluginPtr<Optimiser>& plain,
-                   PluginPtr<Optimiser>& kept, std::size_t turn, bool is_first,
-                   const RecordedProblems& judged_in, const ExperimentContext& context,
-                   ChangedSolve& record) {
-  const auto base = solve_timed(kept, posed.before, posed.line_before, context).solution;
-  const bool has_base = base && base->trajectory.size() > 0;
-  const Trajectory& previous = has_base ? base->trajectory : posed.line_before;
-  for (std::size_t i = 0; i < kSolveWays.size(); ++i) {
-    const std::size_t way = (i + turn) % kSolveWays.size();
-    const TimedSolve timed = solve_timed(way == kIncremental ? kept : plain, posed.after,
-                                         way == kAfresh ? posed.line_after : previous, context);
-    RecordedSolve& solve = record.ways[way];
-    note(timed, is_first, solve);
-    if (is_first && solve.solved) {
-      solve.exact_clearance_m =
-          exact_clearance_m(judged_in, record.scene, timed.solution->trajectory);
+/// The problems of a series, posed before the clock runs over nothing but solves. Of the
+/// optimisers, `kept` keeps what it can.
+class ChangeSolver {
+ public:
+  ChangeSolver(const RecordedSeries& series, const std::vector<ChangedSolve>& solves,
+               PluginPtr<Optimiser> plain, PluginPtr<Optimiser> kept, IncrementalBench& bench)
+      : context_(bench.context),
+        judged_in_(series.change == kGoal ? bench.problems : bench.moved),
+        plain_(std::move(plain)),
+        kept_(std::move(kept)) {
+    for (const ChangedSolve& solve : solves) posed_.push_back(pose(solve.first(), series, bench));
+    const ChangedProblem& first = posed_.front();
+    for (PluginPtr<Optimiser>* one : {&plain_, &kept_}) {
+      (void)solve_timed(*one, first.before, first.line_before, context_);
     }
   }
-}
 
-/// Every problem `repeats` times, pass by pass. Stops on request with those that all passes have
-/// reached.
-Result<ChangedSeries> solve_series(const RecordedRun& run, const std::string& change,
-                                   IncrementalBench& bench) {
-  ExperimentContext& context = bench.context;
-  const Node& block = *context.configuration.root.find("optimiser");
-  const auto make = [&](const char* is_incremental) {
-    const SourceMark mark{"the experiment incremental_benchmark", 0, 0};
-    return context.host.create<Optimiser>(
-        with_entry(block_for(block, run), kIncrementalKey, plain_scalar(is_incremental, mark)),
-        bench.problems.robot);
-  };
-  auto plain = SIDESTEP_TRY(make("false"));
-  auto kept = SIDESTEP_TRY(make("true"));
-  const RecordedProblems& judged_in = change == kGoal ? bench.problems : bench.moved;
-  const std::vector<ChangedProblem> posed = pose(run, change, bench);
-  ChangedSeries series{run, change, {}};
-  for (std::size_t i = 0; i < posed.size(); ++i) {
-    ChangedSolve record{run.outcomes[i].scene, run.outcomes[i].pair, false, {}};
-    record.ends_free = are_ends_free(judged_in, record.scene, posed[i].after);
-    series.problems.push_back(std::move(record));
-  }
-  const std::string what =
-      run.label + (run.is_signed ? ", signed, other " : ", unsigned, other ") + change;
-  for (PluginPtr<Optimiser>* one : {&plain, &kept}) {
-    if (!posed.empty()) (void)solve_timed(*one, posed[0].before, posed[0].line_before, context);
-  }
-  for (int repeat = 0; repeat < bench.settings.repeats; ++repeat) {
-    for (std::size_t i = 0; i < series.problems.size(); ++i) {
-      solve_changed(posed[i], plain, kept, i + static_cast<std::size_t>(repeat), repeat == 0,
-                    judged_in, context, series.problems[i]);
-      if (context.stop.stop_requested()) {
-        if (repeat == 0) series.problems.resize(i);
-        return series;
+  /// Before its change, which is not timed, and after it in all ways, beginning with another one in
+  /// turn: the first one finds the memory of the change cold.
+  void solve(std::size_t i, ChangedSolve& solve) {
+    ChangedProblem& posed = posed_[i];
+    const auto base = solve_timed(kept_, posed.before, posed.line_before, context_).solution;
+    const bool has_base = base && base->trajectory.size() > 0;
+    const Trajectory& previous = has_base ? base->trajectory : posed.line_before;
+    const std::size_t turn = idx(solve.first().problem + solve.first().repeats);
+    for (std::size_t w = 0; w < kSolveWays.size(); ++w) {
+      const std::size_t way = (w + turn) % kSolveWays.size();
+      TimedSolve timed = solve_timed(way == kIncremental ? kept_ : plain_, posed.after,
+                                     way == kAfresh ? posed.line_after : previous, context_);
+      RecordedSolve& record = solve.ways[way];
+      note(timed, record);
+      if (record.repeats == 1 && record.solved) {
+        posed.found[way] = std::move(timed.solution->trajectory);
       }
-      bench.progress.advance(what);
     }
   }
-  return series;
-}
+  void judge(std::size_t i, ChangedSolve& solve) const {
+    const ChangedProblem& posed = posed_[i];
+    const int scene = solve.first().scene;
+    const bool ends_free = are_ends_free(judged_in_, scene, posed.after);
+    for (std::size_t way = 0; way < kSolveWays.size(); ++way) {
+      RecordedSolve& record = solve.ways[way];
+      record.ends_free = ends_free;
+      if (!record.solved) continue;
+      record.exact_clearance_m = exact_clearance_m(judged_in_, scene, posed.found[way]);
+    }
+  }
 
-/// Series "series" (one item a series), and of the series with index `item`: "AFRESH/ITEM" and so
-/// on, one item a problem.
-void record_series(const ChangedSeries& series, std::int64_t item, Recorder& recorder) {
-  recorder.add("series", item, "label", series.label);
-  recorder.add("series", item, "signed", series.is_signed);
-  recorder.add("series", item, "change", series.change);
-  for (std::size_t way = 0; way < kSolveWays.size(); ++way) {
-    const std::string name = std::string(kSolveWays[way]) + "/" + std::to_string(item);
-    std::int64_t problem = 0;
-    for (const ChangedSolve& record : series.problems) {
-      const auto add = [&](std::string_view key, const auto& value) {
-        recorder.add(name, problem, key, value);
-      };
-      add("scene", record.scene);
-      add("pair", record.pair);
-      add("ends_free", record.ends_free);
-      record_solve(record.ways[way], name, problem, recorder);
-      ++problem;
-    }
-  }
-}
+ private:
+  const ExperimentContext& context_;
+  const RecordedProblems& judged_in_;
+  PluginPtr<Optimiser> plain_, kept_;
+  std::vector<ChangedProblem> posed_;
+};
 
 /// One way through a series. Times, iterations and costs are of the problems solved in every way.
 struct WayRow {
-  const ChangedSeries& series;
+  const RecordedSeries& series;
+  const std::vector<ChangedSolve>& problems;
   std::size_t way;
-  std::vector<ChangedSolve> solved = those_of(series.problems, &ChangedSolve::solved);
-  std::vector<ChangedSolve> with_free_ends = those_of(series.problems, &ChangedSolve::ends_free);
+  std::vector<ChangedSolve> solved = those_of(problems, &ChangedSolve::solved);
+  std::vector<ChangedSolve> with_free_ends = those_of(problems, &ChangedSolve::ends_free);
 
   /// The share of those problems whose trajectory is free of collisions.
-  [[nodiscard]] Json share_free(const std::vector<ChangedSolve>& problems) const {
-    return share_of(problems, [&](const ChangedSolve& s) { return s.ways[way].is_free(); });
+  [[nodiscard]] Json share_free(const std::vector<ChangedSolve>& of) const {
+    return share_of(of, [&](const ChangedSolve& s) { return s.ways[way].is_free(); });
   }
 };
 
@@ -276,7 +273,8 @@ auto of_afresh(Value value) {
 Json ratio_of_mean_times(const WayRow& row) {
   if (row.solved.empty()) return nullptr;
   const auto times_ms = of_way(&RecordedSolve::solve_ms);
-  return statistics_of(times_ms(row)).mean / statistics_of(times_ms({row.series, kAfresh})).mean;
+  return statistics_of(times_ms(row)).mean /
+         statistics_of(times_ms({row.series, row.problems, kAfresh})).mean;
 }
 
 Json share_no_costlier(const WayRow& row) {
@@ -302,7 +300,7 @@ const ResultColumnsOf<WayRow>& way_rows() {
               "the change, `incremental` by the optimiser that had found it.",
               {.heading = "way", .compared = true})
           .table("Time", "Ratios are to afresh, problem by problem, but for that of the means.")
-          .add("problems", [](const R& r) { return r.series.problems.size(); },
+          .add("problems", [](const R& r) { return r.problems.size(); },
                "Problems with this change.", {.heading = "problems", .pattern = "%.0f"})
           .add("solved", [](const R& r) { return r.solved.size(); }, "Solved in every way.",
                {.heading = "solved", .pattern = "%.0f"})
@@ -323,7 +321,7 @@ const ResultColumnsOf<WayRow>& way_rows() {
           .add("cost_ratio.share_within_1pct", &share_no_costlier,
                "Share that costs at most 1 % more than afresh.",
                {.heading = "within 1 % or below", .pattern = "%.4f", .compared = true})
-          .add("collision_free.share", [](const R& r) { return r.share_free(r.series.problems); },
+          .add("collision_free.share", [](const R& r) { return r.share_free(r.problems); },
                "Share of all problems with a trajectory free of collisions, by exact distances.",
                {.heading = "collision-free", .pattern = "%.4f", .compared = true})
           .add("free_ends.problems", [](const R& r) { return r.with_free_ends.size(); },
@@ -359,26 +357,19 @@ Result<std::string> incremental_body(const Json& summary, ResultsReader&,
          way_rows().html(at(summary, "/rows"));
 }
 
-ExperimentOutcome summarise_incremental(const RecordedStart& start,
-                                        const IncrementalSettings& settings,
-                                        const std::vector<ChangedSeries>& all, SolveCount count) {
+/// What the store in the folder `run` comes to.
+Result<ExperimentOutcome> conclude_incremental(const std::filesystem::path& run, bool stopped,
+                                               const std::optional<Error>& fault) {
+  const auto record = SIDESTEP_TRY(read_recorded<ChangedSolve>(run / "results.sqlite"));
+  const SolveCount count = count_solves(record, stopped, fault);
   Json rows = Json::array();
-  for (const ChangedSeries& series : all) {
+  for (std::size_t s = 0; s < record.series.size(); ++s) {
     for (std::size_t way = 0; way < kSolveWays.size(); ++way)
-      rows.push_back(way_rows().row({series, way}));
-    for (const ChangedSolve& problem : series.problems) {
-      const auto unsolved = std::ranges::find(problem.ways, false, &RecordedSolve::solved);
-      const bool is_solved = unsolved == problem.ways.end();
-      count.add(is_solved, is_solved ? "" : unsolved->reason);
-    }
+      rows.push_back(way_rows().row({record.series[s], record.solves[s], way}));
   }
-  return summarise_solves(start, settings.type, count, verdict_text(start.optimiser, rows, count),
-                          way_rows(),
-                          {{"repeats", settings.repeats},
-                           {"goal_sd", settings.goal_sd},
-                           {"obstacle_sd_m", settings.obstacle_sd_m},
-                           {"problems", count.problems},
-                           {"rows", rows}});
+  return summarise_solves(record, "incremental_benchmark", count,
+                          verdict_text(record.optimiser, rows, count), way_rows(),
+                          {{"problems", count.problems}, {"rows", rows}});
 }
 
 class IncrementalBenchmark final : public Experiment {
@@ -386,7 +377,7 @@ class IncrementalBenchmark final : public Experiment {
   [[nodiscard]] ExperimentFacts facts() const override {
     std::vector<std::string> set = kSetOfOptimiser;
     set.emplace_back(kIncrementalKey);
-    return {.blocks = {"optimiser"}, .set_of_optimiser = set};
+    return {.blocks = {"optimiser"}, .set_of_optimiser = set, .is_divisible = true};
   }
   [[nodiscard]] const report::RunReport& report() const override {
     static const RunReport kReport = {.body = &incremental_body,
@@ -401,20 +392,31 @@ class IncrementalBenchmark final : public Experiment {
   [[nodiscard]] Result<ExperimentOutcome> run(ExperimentContext& context) const override {
     const auto settings =
         SIDESTEP_TRY(read_block<IncrementalSettings>(context.configuration, "experiment"));
-    const auto start = SIDESTEP_TRY(start_recorded(context, settings));
-    Recorder recorder(*start.store);
-    std::vector<ChangedSeries> series;
+    auto start = SIDESTEP_TRY(start_recorded(context, settings, {kGoal, kObstacles}));
+    start.head.about =
+        Json{{"goal_sd", settings.goal_sd}, {"obstacle_sd_m", settings.obstacle_sd_m}}.dump();
     const RecordedProblems moved =
         with_moved_boxes(start.problems, settings.obstacle_sd_m, context.seed);
     IncrementalBench bench{start.problems, moved, settings, context};
-    for (const RecordedRun& run : start.problems.runs) {
-      for (const char* change : {kGoal, kObstacles}) {
-        if (context.stop.stop_requested()) break;
-        SIDESTEP_TRY(solve_part(
-            series, [&] { return solve_series(run, change, bench); }, &record_series, recorder));
-      }
-    }
-    return summarise_incremental(start, settings, series, {context.stop.stop_requested()});
+    const Node& block = block_of(context.configuration, "optimiser");
+    const auto make = [&](const RecordedSeries& series, const RecordedRun& run,
+                          const std::vector<ChangedSolve>& solves) -> Result<ChangeSolver> {
+      const auto optimiser = [&](const char* is_incremental) {
+        const SourceMark mark{"the experiment incremental_benchmark", 0, 0};
+        return context.host.create<Optimiser>(
+            with_entry(block_for(block, run), kIncrementalKey, plain_scalar(is_incremental, mark)),
+            start.problems.robot);
+      };
+      auto plain = SIDESTEP_TRY(optimiser("false"));
+      auto kept = SIDESTEP_TRY(optimiser("true"));
+      return ChangeSolver(series, solves, std::move(plain), std::move(kept), bench);
+    };
+    return run_recorded<ChangedSolve>(context, start, make, &conclude_incremental);
+  }
+  [[nodiscard]] Result<ExperimentOutcome> merge(const std::vector<std::filesystem::path>& shards,
+                                                const std::filesystem::path& out) const override {
+    SIDESTEP_TRY(merge_recorded(shards, out));
+    return conclude_incremental(out, false, std::nullopt);
   }
 };
 

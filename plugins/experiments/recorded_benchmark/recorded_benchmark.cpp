@@ -29,7 +29,13 @@ struct RecordedBenchmarkSettings : ProblemChoice, ExperimentSettings {
 struct SolveRecord : RecordedSolve {
   RecordedOutcome peer;
   double clearance_at_checks_m = 0.0;  ///< Where solved.
-  bool ends_free = false;              ///< Start and goal touch nothing.
+
+  SolveRecord() = default;
+  SolveRecord(std::int64_t place, const RecordedOutcome& outcome) : peer(outcome) {
+    problem = place;
+    scene = peer.scene;
+    pair = peer.pair;
+  }
 
   /// Per accepted step, which is what GPMP2 counts as an iteration.
   [[nodiscard]] double iteration_us() const noexcept {
@@ -38,117 +44,99 @@ struct SolveRecord : RecordedSolve {
   [[nodiscard]] bool free_at_checks() const noexcept {
     return solved && clearance_at_checks_m > 0.0;
   }
-};
 
-/// All problems of one recorded run, solved.
-struct RecordedRunRecord : RecordedRun {
-  std::vector<SolveRecord> solves;
-};
+  [[nodiscard]] const RecordedSolve& first() const noexcept { return *this; }
+  [[nodiscard]] std::optional<std::string> unsolved_reason() const {
+    return solved ? std::nullopt : std::optional(reason);
+  }
+  /// Of the series with index `series`: series "solve/SERIES", one item a problem.
+  void record(std::size_t series, Recorder& recorder) const {
+    stored().record(*this, name_of(series), problem, recorder);
+  }
+  static Result<std::vector<SolveRecord>> read(ResultsReader& reader, std::size_t series,
+                                               const std::string& file) {
+    return read_solves(stored(), reader, name_of(series), file);
+  }
 
-/// Series "run" (one item a run), and of the run with index `item`: "solve/ITEM", one item a
-/// problem.
-void record_run(const RecordedRunRecord& run, std::int64_t item, Recorder& recorder) {
-  recorder.add("run", item, "label", run.label);
-  recorder.add("run", item, "signed", run.is_signed);
-  recorder.add("run", item, "relative_tolerance", run.relative_tolerance);
-  recorder.add("run", item, "max_iterations", run.max_iterations);
-  const std::string series = "solve/" + std::to_string(item);
-  std::int64_t problem = 0;
-  for (const SolveRecord& solve : run.solves) {
-    const auto add = [&](std::string_view key, const auto& value) {
-      recorder.add(series, problem, key, value);
+ private:
+  static std::string name_of(std::size_t series) { return "solve/" + std::to_string(series); }
+  static const StoredRow<SolveRecord>& stored() {
+    using S = SolveRecord;
+    const auto of_peer = [](auto member) {
+      return [member](auto& solve) -> auto& { return solve.peer.*member; };
     };
-    add("scene", solve.peer.scene);
-    add("pair", solve.peer.pair);
-    record_solve(solve, series, problem, recorder);
-    add("ends_free", solve.ends_free);
-    add("clearance_at_checks_m", solve.clearance_at_checks_m);
-    add("peer_solve_ms", solve.peer.total_ms);
-    add("peer_iterations", solve.peer.iterations);
-    add("peer_initial_cost", solve.peer.initial_cost);
-    add("peer_cost", solve.peer.final_cost);
-    add("peer_free_exactly", solve.peer.free_exactly);
-    add("peer_free_at_checks", solve.peer.free_at_checks);
-    ++problem;
+    static const auto kStored =
+        stored_solve<S>()
+            .add("clearance_at_checks_m", &S::clearance_at_checks_m)
+            .add("peer_solve_ms", of_peer(&RecordedOutcome::total_ms))
+            .add("peer_optimise_ms", of_peer(&RecordedOutcome::optimise_ms))
+            .add("peer_iterations", of_peer(&RecordedOutcome::iterations))
+            .add("peer_initial_cost", of_peer(&RecordedOutcome::initial_cost))
+            .add("peer_cost", of_peer(&RecordedOutcome::final_cost))
+            .add("peer_free_exactly", of_peer(&RecordedOutcome::free_exactly))
+            .add("peer_free_at_checks", of_peer(&RecordedOutcome::free_at_checks));
+    return kStored;
   }
-}
-
-/// What solving a run borrows.
-struct RecordedBench {
-  const RecordedProblems& problems;
-  const RecordedBenchmarkSettings& settings;
-  ExperimentContext& context;
-  RecordedFields fields{problems};
-  SolveProgress progress{context, problems, settings.repeats};
 };
 
-/// One problem, ready to be solved, so that the clock runs over nothing but solves.
-struct PosedProblem {
-  Problem problem;
-  Trajectory initial;
-};
-
-/// Solves every problem of a run `repeats` times, one pass after the other, after one solve that
-/// does not count. Stops on request with those that all passes have reached.
-Result<RecordedRunRecord> solve_run(const RecordedRun& run, RecordedBench& bench) {
-  ExperimentContext& context = bench.context;
-  const Node block = block_for(*context.configuration.root.find("optimiser"), run);
-  auto optimiser = SIDESTEP_TRY(context.host.create<Optimiser>(block, bench.problems.robot));
-  RecordedRunRecord record{run, {}};
-  std::vector<PosedProblem> posed;
-  for (const RecordedOutcome& outcome : run.outcomes) {
-    Problem problem = recorded_problem(bench.problems,
-                                       bench.fields.of(outcome.scene, run.is_signed), outcome.pair);
-    Trajectory initial = recorded_initial(bench.problems, problem);
-    posed.push_back({std::move(problem), std::move(initial)});
-  }
-  const std::string what = run.label + (run.is_signed ? ", signed" : ", unsigned");
-  std::vector<Trajectory> trajectories(posed.size());
-  record.solves.resize(posed.size());
-  const auto solve_one = [&](const PosedProblem& one) {
-    return solve_timed(optimiser, one.problem, one.initial, context);
-  };
-  if (!posed.empty()) (void)solve_one(posed.front());
-  std::size_t reached = posed.size();
-  for (int repeat = 0; repeat < bench.settings.repeats; ++repeat) {
-    for (std::size_t i = 0; i < reached; ++i) {
-      TimedSolve timed = solve_one(posed[i]);
-      if (context.stop.stop_requested()) {
-        reached = repeat == 0 ? i : reached;
-        break;
-      }
-      record.solves[i].peer = run.outcomes[i];
-      note(timed, repeat == 0, record.solves[i]);
-      if (repeat == 0 && timed.solution) trajectories[i] = std::move(timed.solution->trajectory);
-      bench.progress.advance(what);
+/// The problems of a run, posed before the clock runs over nothing but solves.
+class RunSolver {
+ public:
+  RunSolver(const RecordedRun& run, const std::vector<SolveRecord>& solves,
+            PluginPtr<Optimiser> optimiser, const RecordedProblems& problems,
+            RecordedFields& fields, const ExperimentContext& context)
+      : problems_(problems), fields_(fields), context_(context), optimiser_(std::move(optimiser)) {
+    for (const SolveRecord& solve : solves) {
+      Problem problem =
+          recorded_problem(problems, fields.of(solve.scene, run.is_signed), solve.pair);
+      Trajectory initial = recorded_initial(problems, problem);
+      posed_.push_back({std::move(problem), std::move(initial), {}});
     }
+    (void)solve_timed(optimiser_, posed_.front().problem, posed_.front().initial, context);
   }
-  record.solves.resize(reached);
-  for (std::size_t i = 0; i < reached; ++i) {
-    SolveRecord& solve = record.solves[i];
-    const int scene = solve.peer.scene;
-    solve.ends_free = are_ends_free(bench.problems, scene, posed[i].problem);
-    if (!solve.solved) continue;
-    solve.exact_clearance_m = exact_clearance_m(bench.problems, scene, trajectories[i]);
+
+  void solve(std::size_t i, SolveRecord& solve) {
+    Posed& posed = posed_[i];
+    TimedSolve timed = solve_timed(optimiser_, posed.problem, posed.initial, context_);
+    note(timed, solve);
+    if (solve.repeats == 1 && timed.solution) posed.found = std::move(timed.solution->trajectory);
+  }
+  void judge(std::size_t i, SolveRecord& solve) {
+    const Posed& posed = posed_[i];
+    solve.ends_free = are_ends_free(problems_, solve.scene, posed.problem);
+    if (!solve.solved) return;
+    solve.exact_clearance_m = exact_clearance_m(problems_, solve.scene, posed.found);
     solve.clearance_at_checks_m =
-        clearance_at_checks_m(posed[i].problem, *bench.fields.of(scene, true), trajectories[i]);
+        clearance_at_checks_m(posed.problem, *fields_.of(solve.scene, true), posed.found);
   }
-  return record;
-}
+
+ private:
+  struct Posed {
+    Problem problem;
+    Trajectory initial;
+    Trajectory found;
+  };
+  const RecordedProblems& problems_;
+  RecordedFields& fields_;
+  const ExperimentContext& context_;
+  PluginPtr<Optimiser> optimiser_;
+  std::vector<Posed> posed_;
+};
 
 /// One recorded run. Costs and times are of the problems that are solved.
 struct RunRow {
-  const RecordedRunRecord& run;
+  const RecordedSeries& run;
+  const std::vector<SolveRecord>& solves;
   bool costs_comparable;
-  std::vector<SolveRecord> solved = those_of(run.solves, &SolveRecord::solved);
-  std::vector<SolveRecord> with_free_ends = those_of(run.solves, &SolveRecord::ends_free);
+  std::vector<SolveRecord> solved = those_of(solves, &SolveRecord::solved);
+  std::vector<SolveRecord> with_free_ends = those_of(solves, &SolveRecord::ends_free);
   /// Of which the recording counts the peer's iterations.
   std::vector<SolveRecord> counted =
-      those_of(run.solves, [](const SolveRecord& s) { return s.peer.iterations >= 0; });
+      those_of(solves, [](const SolveRecord& s) { return s.peer.iterations >= 0; });
   /// Where ours and the peer's costs are measured alike; nothing where they are not.
   std::vector<SolveRecord> comparable = costs_comparable ? solved : std::vector<SolveRecord>();
 
-  [[nodiscard]] const std::vector<SolveRecord>& all() const { return run.solves; }
+  [[nodiscard]] const std::vector<SolveRecord>& all() const { return solves; }
 };
 
 /// A number of each of some problems of a row.
@@ -165,7 +153,7 @@ bool is_peer_free(const SolveRecord& s) { return s.peer.free_exactly; }
 
 Json share_no_costlier(const RunRow& row) {
   if (row.comparable.empty()) return nullptr;
-  return share_of(row.run.solves, [](const SolveRecord& s) {
+  return share_of(row.solves, [](const SolveRecord& s) {
     return s.solved && s.cost <= kOnePercent * s.peer.final_cost;
   });
 }
@@ -188,7 +176,7 @@ const ResultColumnsOf<RunRow>& recorded_runs() {
           .add(
               "max_iterations", [](const R& r) { return r.run.max_iterations; },
               "Iterations at which it ends.")
-          .add("problems", [](const R& r) { return r.run.solves.size(); }, "Problems of the run.",
+          .add("problems", [](const R& r) { return r.solves.size(); }, "Problems of the run.",
                {.heading = "problems", .pattern = "%.0f"})
           .add("solved", [](const R& r) { return r.solved.size(); }, "Problems with a trajectory.",
                {.heading = "solved", .pattern = "%.0f"})
@@ -247,23 +235,18 @@ const ResultColumnsOf<RunRow>& recorded_runs() {
   return kColumns;
 }
 
-/// Whether the optimiser's prior is the peer's, whose state is a Lie group where there is a base.
-bool are_costs_comparable(const RecordedStart& start) {
-  return !start.problems.has_base || start.has_body_prior;
-}
-
-std::string verdict_text(const RecordedStart& start, const SolveCount& count) {
-  const std::string solves = "solves by " + start.optimiser;
+std::string verdict_text(const RecordedHead& head, bool costs_comparable, const SolveCount& count) {
+  const std::string solves = "solves by " + head.optimiser;
   const std::string failure = count.failure(solves);
-  if (count.interrupted) return failure;
+  if (!count.complete() || count.fault) return failure;
   const std::string note =
-      are_costs_comparable(start)
+      costs_comparable
           ? ""
           : " The peer's state is a Lie group here, the optimiser's is not: costs are not "
             "comparable.";
   if (!failure.empty()) return failure + note;
   return "Success: " + std::to_string(count.problems) + " " + solves + " on the problems of " +
-         start.problems.file.filename().string() + ", each with a trajectory." + note;
+         head.problems_file + ", each with a trajectory." + note;
 }
 
 /// What the charts show of one run: decimal logarithms, one a problem.
@@ -381,29 +364,28 @@ Result<std::string> recorded_body(const Json& summary, ResultsReader& results,
   return html + section;
 }
 
-ExperimentOutcome summarise_recorded(const RecordedStart& start,
-                                     const RecordedBenchmarkSettings& settings,
-                                     const std::vector<RecordedRunRecord>& records,
-                                     SolveCount count) {
-  const bool costs_comparable = are_costs_comparable(start);
+/// What the store in the folder `run` comes to.
+Result<ExperimentOutcome> conclude_recorded(const std::filesystem::path& run, bool stopped,
+                                            const std::optional<Error>& fault) {
+  const auto record = SIDESTEP_TRY(read_recorded<SolveRecord>(run / "results.sqlite"));
+  const bool costs_comparable =
+      at(Json::parse(record.about, nullptr, false), "/costs_comparable") != Json(false);
+  const SolveCount count = count_solves(record, stopped, fault);
   Json runs = Json::array();
   std::size_t problems = 0;
-  for (const RecordedRunRecord& run : records) {
-    runs.push_back(recorded_runs().row({run, costs_comparable}));
-    problems = std::max(problems, run.solves.size());
-    for (const SolveRecord& solve : run.solves) count.add(solve.solved, solve.reason);
+  for (std::size_t s = 0; s < record.series.size(); ++s) {
+    runs.push_back(recorded_runs().row({record.series[s], record.solves[s], costs_comparable}));
+    problems = std::max(problems, record.solves[s].size());
   }
-  return summarise_solves(start, settings.type, count, verdict_text(start, count), recorded_runs(),
-                          {{"costs_comparable", costs_comparable},
-                           {"repeats", settings.repeats},
-                           {"problems", problems},
-                           {"runs", runs}});
+  return summarise_solves(record, "recorded_benchmark", count,
+                          verdict_text(record, costs_comparable, count), recorded_runs(),
+                          {{"problems", problems}, {"runs", runs}});
 }
 
 class RecordedBenchmark final : public Experiment {
  public:
   [[nodiscard]] ExperimentFacts facts() const override {
-    return {.blocks = {"optimiser"}, .set_of_optimiser = kSetOfOptimiser};
+    return {.blocks = {"optimiser"}, .set_of_optimiser = kSetOfOptimiser, .is_divisible = true};
   }
   [[nodiscard]] const report::RunReport& report() const override {
     static const RunReport kReport = {
@@ -420,16 +402,26 @@ class RecordedBenchmark final : public Experiment {
   [[nodiscard]] Result<ExperimentOutcome> run(ExperimentContext& context) const override {
     const auto settings =
         SIDESTEP_TRY(read_block<RecordedBenchmarkSettings>(context.configuration, "experiment"));
-    const auto start = SIDESTEP_TRY(start_recorded(context, settings));
-    Recorder recorder(*start.store);
-    std::vector<RecordedRunRecord> runs;
-    RecordedBench bench{start.problems, settings, context};
-    for (const RecordedRun& run : start.problems.runs) {
-      if (context.stop.stop_requested()) break;
-      SIDESTEP_TRY(solve_part(
-          runs, [&] { return solve_run(run, bench); }, &record_run, recorder));
-    }
-    return summarise_recorded(start, settings, runs, {context.stop.stop_requested()});
+    auto start = SIDESTEP_TRY(start_recorded(context, settings, {""}));
+    const Node& block = block_of(context.configuration, "optimiser");
+    const Node* const prior = block.find("base_prior");
+    // The peer's state is a Lie group where there is a base.
+    const bool is_comparable =
+        !start.problems.has_base || (prior != nullptr && prior->text() == "body");
+    start.head.about = Json{{"costs_comparable", is_comparable}}.dump();
+    RecordedFields fields(start.problems);
+    const auto make = [&](const RecordedSeries&, const RecordedRun& run,
+                          const std::vector<SolveRecord>& solves) -> Result<RunSolver> {
+      auto optimiser =
+          SIDESTEP_TRY(context.host.create<Optimiser>(block_for(block, run), start.problems.robot));
+      return RunSolver(run, solves, std::move(optimiser), start.problems, fields, context);
+    };
+    return run_recorded<SolveRecord>(context, start, make, &conclude_recorded);
+  }
+  [[nodiscard]] Result<ExperimentOutcome> merge(const std::vector<std::filesystem::path>& shards,
+                                                const std::filesystem::path& out) const override {
+    SIDESTEP_TRY(merge_recorded(shards, out));
+    return conclude_recorded(out, false, std::nullopt);
   }
 };
 

@@ -3,12 +3,45 @@
 #include <algorithm>
 #include <array>
 
-#include <sidestep/core/index.hpp>
+#include <sidestep/core/file.hpp>
+#include <sidestep/core/format.hpp>
+#include <sidestep/core/seed.hpp>
 #include <sidestep/report/report_parts.hpp>
 #include <sidestep/runtime/blocks.hpp>
 
 namespace sidestep {
 namespace {
+
+constexpr const char* kHead = "benchmark";
+
+StoredRow<RecordedHead> stored_head() {
+  using Head = RecordedHead;
+  return StoredRow<Head>()
+      .add("problems_file", &Head::problems_file)
+      .add("robot", &Head::robot)
+      .add("optimiser", &Head::optimiser)
+      .add("repeats", &Head::repeats)
+      .add("about", &Head::about)
+      .add(
+          "series", [](const Head& head) { return head.series.size(); },
+          [](Head& head, std::size_t count) { head.series.resize(count); });
+}
+
+StoredRow<RecordedSeries> stored_series() {
+  using Series = RecordedSeries;
+  return StoredRow<Series>()
+      .add("label", &Series::label)
+      .add("signed", &Series::is_signed)
+      .add("relative_tolerance", &Series::relative_tolerance)
+      .add("max_iterations", &Series::max_iterations)
+      .add("change", &Series::change)
+      .add("problems", &Series::problems);
+}
+
+Result<RecordedHead> read_head(const std::filesystem::path& file) {
+  auto reader = SIDESTEP_TRY(ResultsReader::open(file));
+  return read_recorded_head(*reader, file.string());
+}
 
 /// Leaves every n-th outcome, and of those as many as are wanted.
 void thin_out(std::vector<RecordedOutcome>& outcomes, const ProblemChoice& choice) {
@@ -86,8 +119,8 @@ RecordedProblems read_chosen_problems(const Node& experiment, const ProblemChoic
   return std::move(*problems);
 }
 
-Result<RecordedStart> start_recorded(const ExperimentContext& context,
-                                     const ProblemChoice& choice) {
+Result<RecordedStart> start_recorded(const ExperimentContext& context, const ProblemChoice& choice,
+                                     const std::vector<std::string>& changes) {
   const Node& experiment = block_of(context.configuration, "experiment");
   if (choice.problems.empty()) {
     return tl::make_unexpected(
@@ -97,12 +130,54 @@ Result<RecordedStart> start_recorded(const ExperimentContext& context,
   std::vector<Error> errors;
   auto problems = read_chosen_problems(experiment, choice, errors);
   if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
-  const RunProvenance provenance = provenance_of(context);
-  auto store = SIDESTEP_TRY(ResultsStore::open(context.out / "results.sqlite", provenance));
-  const Node& optimiser = block_of(context.configuration, "optimiser");
-  const Node* const prior = optimiser.find("base_prior");
-  return RecordedStart{std::move(problems), optimiser.find("plugin")->text(),
-                       prior != nullptr && prior->text() == "body", provenance, std::move(store)};
+  RecordedHead head{divided_run_of(context), problems.file.filename().string(),
+                    problems.robot->description().name,
+                    block_of(context.configuration, "optimiser").find("plugin")->text(),
+                    choice.repeats};
+  // Each machine may have the file in another place.
+  const std::string content = SIDESTEP_TRY(read_file(choice.problems));
+  head.identity = identity_of(context, {"threads", "problems"}) +
+                  format("contents of the problems: %016llx\n",
+                         static_cast<unsigned long long>(derive_seed(0, content)));
+  std::int64_t most = 0;
+  for (const RecordedRun& run : problems.runs) {
+    most = std::max(most, std::ssize(run.outcomes));
+    for (const std::string& change : changes) {
+      head.series.push_back({run.label, run.is_signed, run.relative_tolerance, run.max_iterations,
+                             change, std::ssize(run.outcomes)});
+    }
+  }
+  if (context.shard.count > most) {
+    return fail(ErrorCode::kConfig,
+                "there are " + std::to_string(most) + " problems, too few for " +
+                    std::to_string(context.shard.count) + " shards",
+                choice.problems.string());
+  }
+  return RecordedStart{std::move(problems), std::move(head)};
+}
+
+void record_recorded_head(const RecordedHead& head, Recorder& recorder) {
+  record_run_head(head, kHead, recorder);
+  stored_head().record(head, kHead, 0, recorder);
+  stored_series().record_all(head.series, "series", recorder);
+}
+
+Result<RecordedHead> read_recorded_head(ResultsReader& reader, const std::string& file) {
+  auto head = SIDESTEP_TRY(stored_head().read(reader, kHead, 0, file));
+  static_cast<DividedRun&>(head) = SIDESTEP_TRY(read_run_head(reader, kHead, file));
+  std::int64_t item = 0;
+  for (RecordedSeries& series : head.series) {
+    series = SIDESTEP_TRY(stored_series().read(reader, "series", item++, file));
+  }
+  return head;
+}
+
+Result<void> merge_recorded(const std::vector<std::filesystem::path>& shards,
+                            const std::filesystem::path& out) {
+  const auto whole = SIDESTEP_TRY(merged_record(
+      shards, &read_head, +[](RecordedHead&, RecordedHead) {}));
+  return absorb_shards(whole, shards, out, kHead,
+                       [&](Recorder& recorder) { record_recorded_head(whole, recorder); });
 }
 
 TimedSolve solve_timed(PluginPtr<Optimiser>& optimiser, const Problem& problem,
@@ -114,7 +189,8 @@ TimedSolve solve_timed(PluginPtr<Optimiser>& optimiser, const Problem& problem,
   return {std::move(solution), watch.elapsed_ms()};
 }
 
-void note(const TimedSolve& timed, bool is_first, RecordedSolve& record) {
+void note(const TimedSolve& timed, RecordedSolve& record) {
+  const bool is_first = record.repeats++ == 0;
   record.solve_ms = is_first ? timed.elapsed_ms : std::min(record.solve_ms, timed.elapsed_ms);
   if (!is_first) return;
   if (!timed.solution) {
@@ -123,27 +199,12 @@ void note(const TimedSolve& timed, bool is_first, RecordedSolve& record) {
   }
   const Solution& solution = *timed.solution;
   record.solved = solution.trajectory.size() > 0;
-  record.status = solution.status;
+  record.status = to_string(solution.status);
   record.reason = solution.reason;
   record.iterations = solution.iterations;
   record.accepted_iterations = solution.accepted_iterations;
   record.initial_cost = solution.initial_cost;
   record.cost = solution.cost;
-}
-
-void record_solve(const RecordedSolve& solve, std::string_view series, std::int64_t item,
-                  Recorder& recorder) {
-  const auto add = [&](std::string_view key, const auto& value) {
-    recorder.add(series, item, key, value);
-  };
-  add("status", to_string(solve.status));
-  if (!solve.reason.empty()) add("reason", solve.reason);
-  add("solve_ms", solve.solve_ms);
-  add("iterations", solve.iterations);
-  add("accepted_iterations", solve.accepted_iterations);
-  add("initial_cost", solve.initial_cost);
-  add("cost", solve.cost);
-  add("exact_clearance_m", solve.exact_clearance_m);
 }
 
 bool are_ends_free(const RecordedProblems& problems, int scene, const Problem& problem) {
@@ -154,28 +215,44 @@ bool are_ends_free(const RecordedProblems& problems, int scene, const Problem& p
 
 std::string SolveCount::failure(const std::string& what, const char* came_to) const {
   const std::string count = std::to_string(problems) + " " + what;
-  if (interrupted) return "Interrupted after " + count + "; what was measured is saved.";
+  if (fault) return "Ended early, after " + count + ": " + fault->describe();
+  if (interrupted) {
+    return "Interrupted after " + count + "; what was measured is saved, --resume goes on.";
+  }
+  if (!complete()) {
+    return "Incomplete: " + std::to_string(finished) + " of " + std::to_string(planned) + " " +
+           what + ".";
+  }
   if (unsolved == 0) return "";
   return "Failed: " + std::to_string(unsolved) + " of " + count + " " + came_to +
          ", the first because: " + first_reason + ".";
 }
 
-ExperimentOutcome summarise_solves(const RecordedStart& start, const std::string& experiment,
-                                   const SolveCount& count, std::string verdict,
+ExperimentOutcome summarise_solves(const RecordedHead& head, const std::string& experiment,
+                                   const SolveCount& count, const std::string& verdict,
                                    const report::ResultColumns& columns,
                                    const nlohmann::ordered_json& particulars) {
-  const nlohmann::ordered_json& rows = particulars.back();
+  using Json = nlohmann::ordered_json;
+  const Json& rows = particulars.back();
   ExperimentOutcome outcome;
   outcome.interrupted = count.interrupted;
-  outcome.success = !count.interrupted && count.problems > 0 && count.unsolved == 0;
-  outcome.verdict = std::move(verdict);
+  outcome.fault = count.fault;
+  outcome.success = count.success();
+  outcome.verdict =
+      (head.shard.is_whole() ? "" : "Shard " + shard_name(head.shard) + ": ") + verdict;
   outcome.table = columns.text(rows);
   outcome.table_csv = columns.csv(rows);
-  nlohmann::ordered_json all = {{"problems_file", start.problems.file.filename().string()},
-                                {"robot", start.problems.robot->description().name},
-                                {"optimiser", start.optimiser}};
+  Json all = {{"fault", count.fault ? Json(count.fault->describe()) : Json(nullptr)},
+              {"complete", count.complete()},
+              {"shard", shard_json(head.shard)},
+              {"problems_file", head.problems_file},
+              {"robot", head.robot},
+              {"optimiser", head.optimiser},
+              {"repeats", head.repeats}};
+  all.update(Json::parse(head.about, nullptr, false));
   all.update(particulars);
-  outcome.summary_json = summary_text(start.provenance, experiment, outcome, all);
+  all["time"] = time_json(head);
+  outcome.summary_json = summary_text(head.provenance, experiment, outcome, all);
   return outcome;
 }
 
