@@ -10,6 +10,7 @@
 #include <sidestep/runtime/yaml_document.hpp>
 
 #include "command_line.hpp"
+#include "support/stored_numbers.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace sidestep::testing {
@@ -29,13 +30,23 @@ const std::string kSmallCamera =
 class MappingBenchmarkTest : public ::testing::Test {
  protected:
   [[nodiscard]] Finished run_it(const std::string& config, const std::vector<std::string>& sets,
-                                const std::string& out = "run") {
-    std::vector<std::string> arguments = {"run", config, "--out", (folder_ / out).string()};
+                                const std::string& out = "run",
+                                const std::vector<std::string>& options = {}) {
+    std::vector<std::string> arguments = {"run", config};
+    if (!out.empty()) arguments.insert(arguments.end(), {"--out", at(out)});
     for (const std::string& set : sets) {
       arguments.emplace_back("--set");
       arguments.push_back(set);
     }
+    arguments.insert(arguments.end(), options.begin(), options.end());
     return run(arguments);
+  }
+  [[nodiscard]] std::string at(const std::string& out) const { return (folder_ / out).string(); }
+  /// What was measured of six cases on every frame, without times and memory.
+  [[nodiscard]] testing_support::StoredNumbers numbers(const std::string& out) const {
+    std::vector<std::string> all = {"system", "update", "truth"};
+    for (int i = 0; i < 6; ++i) all.push_back("update/" + std::to_string(i));
+    return testing_support::stored_numbers(folder_ / out, all, {"_ms", "_mib"});
   }
   [[nodiscard]] Json summary(const std::string& out = "run") const {
     return Json::parse(read_file(folder_ / out / "summary.json"), nullptr, false);
@@ -156,6 +167,113 @@ TEST_F(MappingBenchmarkTest, KeepsWhatWasMeasuredWhenInterrupted) {
   ASSERT_TRUE(results) << results.error().describe();
   EXPECT_EQ((*results)->column("update/0", "frame_ms")->size(), static_cast<std::size_t>(frames));
   EXPECT_TRUE(fs::exists(folder_ / "run" / "report.html"));
+}
+
+TEST_F(MappingBenchmarkTest, ShardsTogetherAreTheWholeRun) {
+  const std::vector<std::string> sets = {"experiment.clock=every_frame"};
+  ASSERT_EQ(run_it(kTiny, sets, "whole").exit_code, 0);
+  for (const std::string i : {"1", "2"}) {
+    const Finished shard = run_it(kTiny, sets, "shard" + i, {"--shard", i + "/2"});
+    ASSERT_EQ(shard.exit_code, 0) << shard.error;
+    EXPECT_THAT(shard.out, HasSubstr("Shard " + i + "/2: Success: 3 of 3 cases"));
+  }
+  // Of cases by system, sign and two resolutions, every other one.
+  for (const auto& [shard, resolution_m] : {std::pair("shard1", 0.05), {"shard2", 0.1}}) {
+    const Json systems = summary(shard).at("systems");
+    ASSERT_EQ(systems.size(), 3u);
+    for (const Json& s : systems) {
+      EXPECT_EQ(s.at("resolution_m"), resolution_m);
+      EXPECT_EQ(s.at("frames"), 8);
+    }
+    EXPECT_EQ(systems[1].at("signed"), true);
+    EXPECT_EQ(systems[2].at("name"), "octree");
+  }
+  const Finished merged = run({"report", at("shard2"), at("shard1"), "--merged", at("merged")});
+  ASSERT_EQ(merged.exit_code, 0) << merged.error;
+  EXPECT_EQ(numbers("merged"), numbers("whole"));
+  const Json ours = summary("merged"), theirs = summary("whole");
+  ASSERT_EQ(ours.at("systems").size(), 6u);
+  for (std::size_t i = 0; i < 6; ++i) {
+    const Json& one = ours.at("systems")[i];
+    for (const char* key :
+         {"name", "mapper", "field", "signed", "resolution_m", "success", "error", "clock",
+          "frames", "published_ms", "max_error_m", "mean_error_m", "accuracy_checks",
+          "compared_vox", "differing_vox", "truth", "real_time"}) {
+      EXPECT_EQ(one.at(key), theirs.at("systems")[i].at(key)) << i << " " << key;
+    }
+  }
+  for (const char* key : {"complete", "shard", "has_truth", "reference", "published_as"}) {
+    EXPECT_EQ(ours.at(key), theirs.at(key)) << key;
+  }
+  EXPECT_EQ(ours.at("has_truth"), true);
+  EXPECT_DOUBLE_EQ(ours.at("/systems/5/ratio/mean"_json_pointer),
+                   ours.at("/systems/5/frame_ms/mean"_json_pointer).get<double>() /
+                       ours.at("/systems/1/frame_ms/mean"_json_pointer).get<double>());
+  EXPECT_TRUE(fs::exists(folder_ / "merged" / "mapping_times.png"));
+
+  ASSERT_EQ(run_it(kTiny, sets, "jobs", {"--jobs", "3"}).exit_code, 0);
+  EXPECT_EQ(numbers("jobs"), numbers("whole"));
+  const Finished lacking =
+      run({"report", at("jobs/shard-3"), at("jobs/shard-1"), "--merged", at("lacking")});
+  EXPECT_EQ(lacking.exit_code, 1);
+  EXPECT_THAT(lacking.out, HasSubstr("Incomplete: 4 of 6 cases"));
+
+  // Where a shard fails, the whole does: fields of 32-bit distances, unlike those of `exact`.
+  const std::vector<std::string> strict = {sets.front(), "experiment.expect={max_error_m: 1e-9}"};
+  EXPECT_EQ(run_it(kTiny, strict, "strict1", {"--shard", "1/2"}).exit_code, 1);
+  EXPECT_EQ(run_it(kTiny, strict, "strict2", {"--shard", "2/2"}).exit_code, 1);
+  const Finished failed = run({"report", at("strict1"), at("strict2"), "--merged", at("strict")});
+  EXPECT_EQ(failed.exit_code, 1);
+  EXPECT_THAT(failed.out, HasSubstr("Failed: 2 of 6 cases"));
+}
+
+TEST_F(MappingBenchmarkTest, ShardsThatDoNotFitAreRefused) {
+  const std::vector<std::string> sets = {"experiment.clock=every_frame"};
+  ASSERT_EQ(run_it(kTiny, sets, "a", {"--shard", "1/2"}).exit_code, 0);
+  ASSERT_EQ(run_it(kTiny, {sets.front(), "experiment.accuracy_every=4"}, "b", {"--shard", "2/2"})
+                .exit_code,
+            0);
+  ASSERT_EQ(run_it(kTiny, {sets.front(), "experiment.frames_in_memory=3"}, "c", {"--shard", "2/2"})
+                .exit_code,
+            0);
+  const auto merge = [&](const char* with) {
+    return run({"report", at("a"), at(with), "--merged", at("merged")});
+  };
+  const auto refused = [&](const Finished& finished, const std::string& message) {
+    EXPECT_EQ(finished.exit_code, 2) << message;
+    EXPECT_THAT(finished.error, HasSubstr(message));
+  };
+  EXPECT_EQ(merge("c").exit_code, 0) << "the same frames, a few at a time";
+  refused(merge("a"), "shard 1/2 is there twice");
+  refused(merge("b"), "`accuracy_every: 5` there, `accuracy_every: 4` here");
+  refused(run_it(kTiny, sets, "d", {"--shard", "1/7"}), "there are 6 cases, too few for 7 shards");
+  refused(run_it(kTiny, sets, "", {"--resume", at("a")}), "the run to resume is shard 1/2");
+}
+
+TEST_F(MappingBenchmarkTest, AnInterruptedRunGoesOn) {
+  const std::vector<std::string> sets = {"experiment.clock=every_frame", "source.frames=60",
+                                         "experiment.resolutions_m=[0.05, 0.1]"};
+  CommandLine command(
+      {"run", kTiny, "--out", at("run"), "--set", sets[0], "--set", sets[1], "--set", sets[2]});
+  ASSERT_TRUE(command.wait_for("exact at 0.1 m "));
+  command.send(SIGINT);
+  const Finished interrupted = command.wait();
+  ASSERT_EQ(interrupted.exit_code, 1) << interrupted.error;
+  EXPECT_THAT(interrupted.out, HasSubstr("--resume goes on"));
+  const Json part = summary();
+  EXPECT_EQ(part.at("complete"), false);
+  ASSERT_GE(part.at("systems").size(), 1u);
+  ASSERT_LT(part.at("systems").size(), 6u);
+  EXPECT_EQ(part.at("systems")[0].at("frames"), 60);
+  const Json first_ms = part.at("systems")[0].at("frame_ms");
+
+  const Finished resumed = run_it(kTiny, sets, "", {"--resume", at("run")});
+  ASSERT_EQ(resumed.exit_code, 0) << resumed.error;
+  const Json all = summary();
+  EXPECT_EQ(all.at("/systems/0/frame_ms"_json_pointer), first_ms) << "it was not measured again";
+  EXPECT_EQ(all.at("/time/sessions"_json_pointer), 2);
+  ASSERT_EQ(run_it(kTiny, sets, "whole").exit_code, 0);
+  EXPECT_EQ(numbers("run"), numbers("whole"));
 }
 
 TEST_F(MappingBenchmarkTest, SeesAWalkerComeAndLeaveNothingBehind) {

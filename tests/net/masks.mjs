@@ -42,6 +42,11 @@ export const masks = [
     why: "Frames over the time from the first frame to the last update's end",
   },
   {
+    pattern: /\bmeasurements real_time \d+ duration_s$/,
+    as: "time",
+    why: "The same time of a mapping benchmark",
+  },
+  {
     pattern: /\b(memory|resident)_mib$|: memory$/,
     as: "memory",
     why: "What the allocator has asked of the system, pages of libraries included",

@@ -3,11 +3,13 @@
 #include <cmath>
 #include <map>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/report/chart.hpp>
 #include <sidestep/report/report_parts.hpp>
 #include <sidestep/results/recorder.hpp>
 #include <sidestep/results/summary.hpp>
 #include <sidestep/runtime/checked_robot.hpp>
+#include <sidestep/runtime/configuration.hpp>
 #include <sidestep/runtime/entry_reading.hpp>
 
 #include "mapping_parts.hpp"
@@ -16,30 +18,6 @@ namespace sidestep {
 namespace {
 
 using namespace report;
-
-/// Series "system" (one item a case), and of the case with index `item`: "update/ITEM" and
-/// "real_time/ITEM", one item a frame.
-void record_case(const CaseRecord& record, std::int64_t item, Recorder& recorder) {
-  using U = UpdateRecord;
-  static const auto kUpdate = StoredRow<U>()
-                                  .add("sequence", &U::frame_sequence)
-                                  .add("integrate_ms", &U::integrate_ms)
-                                  .add("field_ms", &U::field_ms)
-                                  .add("publish_ms", &U::publish_ms)
-                                  .add_derived("frame_ms", &U::frame_ms)
-                                  .add("latency_ms", &U::latency_ms)
-                                  .add("resident_mib", &U::resident_mib);
-  recorder.add("system", item, "name", record.what.name);
-  recorder.add("system", item, "mapper", record.what.mapper);
-  recorder.add("system", item, "field", record.what.field);
-  recorder.add("system", item, "signed", record.is_signed);
-  recorder.add("system", item, "resolution_m", record.what.resolution_m);
-  recorder.add("system", item, "error", record.error);
-  for (const auto& [series, clock] :
-       {std::pair("update/", &record.every_frame), {"real_time/", &record.real_time}}) {
-    if (*clock) kUpdate.record_all((*clock)->updates, series + std::to_string(item), recorder);
-  }
-}
 
 constexpr double kWidth = 900.0;
 constexpr double kLabels = 250.0;
@@ -198,10 +176,96 @@ Result<std::string> mapping_body(const Json& summary, ResultsReader&,
   return html + quarters_section(summary);
 }
 
+/// What the store in the folder `run` comes to.
+Result<ExperimentOutcome> conclude_mapping(const std::filesystem::path& run, bool stopped,
+                                           const std::optional<Error>& fault) {
+  const auto record = SIDESTEP_TRY(read_mapping_record(run / "results.sqlite"));
+  return summarise_mapping(record, stopped, fault);
+}
+
+/// The benchmark before anything is measured, or with what an earlier session has left, where this
+/// run goes on with it.
+Result<MappingBenchmarkRecord> begun_record(const ExperimentContext& context,
+                                            const MappingBenchmarkSettings& settings,
+                                            std::int64_t cases) {
+  MappingBenchmarkRecord record{divided_run_of(context), settings.reference, settings.published_as,
+                                settings.expect, cases};
+  record.identity = identity_of(context, {"threads", "frames_in_memory"});
+  if (context.shard.count > cases) {
+    return fail(ErrorCode::kConfig,
+                "there are " + std::to_string(cases) + " cases, too few for " +
+                    std::to_string(context.shard.count) + " shards",
+                context.configuration.file.string());
+  }
+  if (!context.resume) return record;
+  const auto file = context.out / "results.sqlite";
+  auto earlier = SIDESTEP_TRY(read_mapping_record(file));
+  SIDESTEP_TRY(check_same_run(earlier, record, file.string()));
+  return earlier;
+}
+
+/// A run of a benchmark: the cases of its shard that are not measured yet.
+struct MappingRun {
+  const std::vector<SystemCase>& cases;
+  const MappingBenchmarkRecord& record;  ///< Of earlier sessions.
+  const MappingBenchmarkSettings& settings;
+  ExperimentContext& context;
+  Recorder& recorder;
+  SessionClock clock{context.threads};
+
+  [[nodiscard]] std::vector<std::int64_t> left() const {
+    std::vector<std::int64_t> left;
+    for (std::int64_t index = 0; index < std::ssize(cases); ++index) {
+      const bool is_done = std::ranges::any_of(record.cases, [&](const CaseRecord& one) {
+        return one.index == index && !one.interrupted;
+      });
+      if (record.is_ours(index) && !is_done) left.push_back(index);
+    }
+    return left;
+  }
+
+  [[nodiscard]] Result<void> measure() {
+    std::shared_ptr<const RobotModel> robot;  // whose own points mappers remove
+    if (const Node* block = context.configuration.root.find("robot")) {
+      robot = SIDESTEP_TRY(context.host.create<RobotModel>(*block));
+    }
+    const Node& source = block_of(context.configuration, "source");
+    FrameFeed feed([&] { return context.host.create<Source>(source, robot); },
+                   {settings.frames, settings.stride, settings.frames_in_memory}, context.log,
+                   context.stop);
+    MeasureContext measuring{context.host, context.log, robot, feed, settings, context.stop, {}};
+    const std::int64_t clocks = settings.clock == "both" ? 2 : 1;
+    const std::vector<std::int64_t> cases_left = left();
+    std::int64_t done = 0;
+    if (context.progress) context.progress(0, 0, "reading frames");
+    for (const std::int64_t index : cases_left) {
+      if (context.stop.stop_requested()) break;
+      const SystemCase& what = cases[idx(index)];
+      const std::string label = what.label(what.is_signed.value_or(false));
+      measuring.updated = [&] {
+        const auto total = feed.frame_count().value_or(0) * clocks * std::ssize(cases_left);
+        if (context.progress) context.progress(++done, total, label);
+      };
+      auto measured = SIDESTEP_TRY(measure_case(what, measuring));
+      if (!measured.error.empty()) context.log.error(label + ": " + measured.error);
+      measured.index = index;
+      measured.has_truth = feed.scene() != nullptr;
+      record_case(measured, recorder);
+      record_bad_frames(feed.bad_frames(), recorder);
+      SIDESTEP_TRY(save(measured.interrupted ? 0 : 1));
+    }
+    return save(0);
+  }
+  [[nodiscard]] Result<void> save(std::int64_t measured) {
+    record_session(clock.after(measured), std::ssize(record.sessions), recorder);
+    return recorder.commit();
+  }
+};
+
 class MappingBenchmark final : public Experiment {
  public:
   [[nodiscard]] ExperimentFacts facts() const override {
-    return {.blocks = {"source"}, .optional_blocks = {"robot"}};
+    return {.blocks = {"source"}, .optional_blocks = {"robot"}, .is_divisible = true};
   }
   [[nodiscard]] const report::RunReport& report() const override {
     static const RunReport kReport = {
@@ -215,51 +279,26 @@ class MappingBenchmark final : public Experiment {
     (void)checked_robot(configuration, host, errors);
   }
   [[nodiscard]] Result<ExperimentOutcome> run(ExperimentContext& context) const override {
-    const Node& experiment = *context.configuration.root.find("experiment");
-    const Node& source = *context.configuration.root.find("source");
     const auto settings =
         SIDESTEP_TRY(read_block<MappingBenchmarkSettings>(context.configuration, "experiment"));
     std::vector<Error> errors;
-    const std::vector<SystemCase> cases = read_cases(experiment, context.host, errors);
+    const std::vector<SystemCase> cases =
+        read_cases(block_of(context.configuration, "experiment"), context.host, errors);
     if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
-    std::shared_ptr<const RobotModel> robot;  // whose own points mappers remove
-    if (const Node* block = context.configuration.root.find("robot")) {
-      robot = SIDESTEP_TRY(context.host.create<RobotModel>(*block));
-    }
-
-    const RunProvenance provenance = provenance_of(context);
-    auto store = SIDESTEP_TRY(ResultsStore::open(context.out / "results.sqlite", provenance));
+    const auto record = SIDESTEP_TRY(begun_record(context, settings, std::ssize(cases)));
+    auto store = SIDESTEP_TRY(open_store(context, record.provenance));
     Recorder recorder(*store);
-
-    FrameFeed feed([&] { return context.host.create<Source>(source, robot); },
-                   {settings.frames, settings.stride, settings.frames_in_memory}, context.log,
-                   context.stop);
-    MeasureContext measure{context.host, context.log, robot, feed, settings, context.stop, {}};
-    MappingBenchmarkRecord record;
-    record.planned_cases = cases.size();
-    const std::int64_t clocks = settings.clock == "both" ? 2 : 1;
-    std::int64_t done = 0;
-    if (context.progress) context.progress(0, 0, "reading frames");
-    for (const SystemCase& what : cases) {
-      if (context.stop.stop_requested()) break;
-      const std::string label = what.label(what.is_signed.value_or(false));
-      measure.updated = [&] {
-        const auto total = feed.frame_count().value_or(0) * clocks * std::ssize(cases);
-        if (context.progress) context.progress(++done, total, label);
-      };
-      auto measured = SIDESTEP_TRY(measure_case(what, measure));
-      if (!measured.error.empty()) context.log.error(label + ": " + measured.error);
-      record_case(measured, std::ssize(record.cases), recorder);
-      record.cases.push_back(std::move(measured));
-      SIDESTEP_TRY(recorder.commit());
-    }
-    record.bad_frames = feed.bad_frames();
-    record.has_truth = feed.scene() != nullptr;
-    record.interrupted = context.stop.stop_requested();
-    record_bad_frames(record.bad_frames, recorder);
+    if (!context.resume) record_mapping_head(record, recorder);
     SIDESTEP_TRY(recorder.commit());
-
-    return summarise_mapping(provenance, settings, record);
+    const auto measured = MappingRun{cases, record, settings, context, recorder}.measure();
+    store.reset();
+    return conclude_mapping(context.out, context.stop.stop_requested(),
+                            measured ? std::nullopt : std::optional<Error>(measured.error()));
+  }
+  [[nodiscard]] Result<ExperimentOutcome> merge(const std::vector<std::filesystem::path>& shards,
+                                                const std::filesystem::path& out) const override {
+    SIDESTEP_TRY(merge_mapping(shards, out));
+    return conclude_mapping(out, false, std::nullopt);
   }
 };
 

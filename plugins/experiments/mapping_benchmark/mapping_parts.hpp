@@ -1,8 +1,11 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <deque>
+#include <filesystem>
 #include <functional>
+#include <iterator>
 #include <memory>
 #include <optional>
 #include <stop_token>
@@ -15,6 +18,7 @@
 #include <sidestep/measures/map_truth.hpp>
 #include <sidestep/plugin/parameters.hpp>
 #include <sidestep/report/result_columns.hpp>
+#include <sidestep/results/divided_run.hpp>
 #include <sidestep/runtime/experiment.hpp>
 #include <sidestep/runtime/host.hpp>
 #include <sidestep/runtime/results_store.hpp>
@@ -197,11 +201,13 @@ struct ClockRecord {
 
 /// Result of one case.
 struct CaseRecord {
-  SystemCase what;
+  std::int64_t index = 0;  ///< Among all cases.
+  SystemCase what;         ///< Read back, without what measuring needs.
   bool is_signed = false;  ///< As the published fields say.
   std::optional<ClockRecord> every_frame;
   std::optional<ClockRecord> real_time;
-  std::string error;  ///< Why it could not be measured; empty if it was.
+  std::string error;       ///< Why it could not be measured; empty if it was.
+  bool has_truth = false;  ///< The scene behind the frames is known.
   bool interrupted = false;
 };
 
@@ -220,21 +226,46 @@ struct MeasureContext {
 /// A system that fails is recorded as such; fails itself only where frames cannot be had.
 [[nodiscard]] Result<CaseRecord> measure_case(const SystemCase& what, MeasureContext& context);
 
-// Summary and report.
+// Results.
 
-/// Result of a mapping benchmark.
-struct MappingBenchmarkRecord {
-  std::vector<CaseRecord> cases;
-  std::size_t planned_cases = 0;
-  std::vector<Error> bad_frames;  ///< Of the source.
-  bool has_truth = false;
-  bool interrupted = false;
+/// What a results store holds of a mapping benchmark.
+struct MappingBenchmarkRecord : DividedRun {
+  std::string reference;
+  std::string published_as;
+  ExpectSettings expect;
+  std::int64_t all_cases = 0;  ///< Of all shards.
+  std::vector<CaseRecord> cases = {};
+  std::vector<std::string> bad_frames = {};  ///< What is wrong with each, of the source.
+
+  /// Whether a case is this shard's.
+  [[nodiscard]] bool is_ours(std::int64_t index) const noexcept {
+    return index % shard.count == shard.index;
+  }
+  /// Cases that the store should come to hold.
+  [[nodiscard]] std::int64_t planned() const noexcept {
+    return (all_cases + shard.count - 1 - shard.index) / shard.count;
+  }
+  [[nodiscard]] bool complete() const {
+    return std::ssize(cases) == planned() && std::ranges::none_of(cases, &CaseRecord::interrupted);
+  }
 };
 
-/// Verdict, summary.json and tables of a finished (or interrupted) mapping benchmark.
-[[nodiscard]] ExperimentOutcome summarise_mapping(const RunProvenance& provenance,
-                                                  const MappingBenchmarkSettings& settings,
-                                                  const MappingBenchmarkRecord& record);
+/// Everything but what is measured: series "benchmark".
+void record_mapping_head(const MappingBenchmarkRecord& record, Recorder& recorder);
+/// Series "system" (one item a case); "update" and "real_time" (one item a case, on each clock) and
+/// "truth"; of the case with index I, "update/I" and "real_time/I", one item a frame.
+void record_case(const CaseRecord& record, Recorder& recorder);
+
+/// Reads back what was recorded. Fails with kIo where the store is of no mapping benchmark.
+[[nodiscard]] Result<MappingBenchmarkRecord> read_mapping_record(const std::filesystem::path& file);
+
+/// Puts the stores of shards together in the folder `out`.
+[[nodiscard]] Result<void> merge_mapping(const std::vector<std::filesystem::path>& shards,
+                                         const std::filesystem::path& out);
+
+/// Verdict, summary.json and tables of what a store holds.
+[[nodiscard]] ExperimentOutcome summarise_mapping(const MappingBenchmarkRecord& record,
+                                                  bool stopped, const std::optional<Error>& fault);
 
 /// Of the rows `systems` of summary.json.
 [[nodiscard]] const report::ResultColumns& mapping_columns();

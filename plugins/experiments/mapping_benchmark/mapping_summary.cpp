@@ -81,10 +81,8 @@ std::string unmet_expectations(const CaseRecord& record, const ExpectSettings& e
 /// A case as it is told of.
 struct SystemRow {
   const CaseRecord& record;
-  const RunProvenance& provenance;
-  const MappingBenchmarkSettings& settings;
-  std::span<const CaseRecord> cases;
-  std::string unmet = unmet_expectations(record, settings.expect);
+  const MappingBenchmarkRecord& whole;
+  std::string unmet = unmet_expectations(record, whole.expect);
   const ClockRecord* clock = timed(record);  ///< Null where it could not be measured.
 
   [[nodiscard]] const TruthRecord* truth() const {
@@ -119,11 +117,11 @@ auto of_updates(double UpdateRecord::*time) {
 /// By what factor an update takes longer than the reference's; null where nothing can be compared.
 auto ratio_of(double Statistics::*statistic) {
   return [statistic](const SystemRow& row) -> Json {
-    const auto reference = std::ranges::find_if(row.cases, [&](const CaseRecord& other) {
-      return other.what.name == row.settings.reference && other.is_signed == row.record.is_signed &&
+    const auto reference = std::ranges::find_if(row.whole.cases, [&](const CaseRecord& other) {
+      return other.what.name == row.whole.reference && other.is_signed == row.record.is_signed &&
              std::abs(other.what.resolution_m - row.record.what.resolution_m) < kSameResolution;
     });
-    const ClockRecord* other = reference != row.cases.end() ? timed(*reference) : nullptr;
+    const ClockRecord* other = reference != row.whole.cases.end() ? timed(*reference) : nullptr;
     if (row.clock == nullptr || other == nullptr) return nullptr;
     const double theirs = statistics_of(frame_times(other->updates)).*statistic;
     if (row.clock->updates.empty() || !(theirs > 0.0)) return nullptr;
@@ -289,7 +287,7 @@ const report::ResultColumnsOf<SystemRow>& mapping_systems() {
         .add("resolution_m", [](const R& r) { return r.record.what.resolution_m; },
              "Edge of a voxel.", {.heading = "voxel", .pattern = "%g m", .compared = true})
         .add(
-            "threads", [](const R& r) { return r.provenance.threads; }, "Threads of the run.")
+            "threads", [](const R& r) { return r.whole.provenance.threads; }, "Threads of the run.")
         .add(
             "success",
             [](const R& r) {
@@ -320,28 +318,34 @@ Json system_json(const SystemRow& row) {
   return json;
 }
 
-std::string verdict_text(const MappingBenchmarkSettings& settings,
-                         const MappingBenchmarkRecord& record) {
-  const std::string measured = std::to_string(record.cases.size()) + " of " +
-                               std::to_string(record.planned_cases) + " cases";
-  if (record.interrupted) return "Interrupted after " + measured + "; what was measured is saved.";
+std::string verdict_text(const MappingBenchmarkRecord& record, bool interrupted,
+                         const std::optional<Error>& fault) {
+  const std::string measured =
+      std::to_string(record.cases.size()) + " of " + std::to_string(record.planned()) + " cases";
+  if (fault) return "Ended early, after " + measured + ": " + fault->describe();
+  if (interrupted) {
+    return "Interrupted after " + measured + "; what was measured is saved, --resume goes on.";
+  }
+  const std::string part =
+      record.shard.is_whole() ? "" : "Shard " + shard_name(record.shard) + ": ";
+  if (!record.complete()) return part + "Incomplete: " + measured + ".";
   std::string failures;
   std::size_t failed = 0;
   for (const CaseRecord& one : record.cases) {
-    const std::string unmet = unmet_expectations(one, settings.expect);
+    const std::string unmet = unmet_expectations(one, record.expect);
     if (one.error.empty() && unmet.empty()) continue;
     ++failed;
     failures +=
         " " + one.what.label(one.is_signed) + ": " + (one.error.empty() ? unmet : one.error) + ".";
   }
   if (failed > 0) {
-    return "Failed: " + std::to_string(failed) + " of " + std::to_string(record.cases.size()) +
-           " cases did not do." + failures;
+    return part + "Failed: " + std::to_string(failed) + " of " +
+           std::to_string(record.cases.size()) + " cases did not do." + failures;
   }
-  std::string text = "Success: " + measured + " were measured";
+  std::string text = part + "Success: " + measured + " were measured";
   for (const CaseRecord& one : record.cases) {
     const ClockRecord* clock = timed(one);
-    if (one.what.name != settings.reference || clock == nullptr) continue;
+    if (one.what.name != record.reference || clock == nullptr) continue;
     text += "; " + one.what.label(one.is_signed) + " takes " +
             format("%.1f ms", statistics_of(frame_times(clock->updates)).p50) + " (p50)";
   }
@@ -352,31 +356,32 @@ std::string verdict_text(const MappingBenchmarkSettings& settings,
 
 const report::ResultColumns& mapping_columns() { return mapping_systems(); }
 
-ExperimentOutcome summarise_mapping(const RunProvenance& provenance,
-                                    const MappingBenchmarkSettings& settings,
-                                    const MappingBenchmarkRecord& record) {
+ExperimentOutcome summarise_mapping(const MappingBenchmarkRecord& record, bool stopped,
+                                    const std::optional<Error>& fault) {
   Json systems = Json::array();
-  for (const CaseRecord& one : record.cases) {
-    systems.push_back(system_json({one, provenance, settings, record.cases}));
-  }
+  for (const CaseRecord& one : record.cases) systems.push_back(system_json({one, record}));
   ExperimentOutcome outcome;
-  outcome.interrupted = record.interrupted;
-  outcome.success =
-      !record.interrupted && !record.cases.empty() &&
-      std::ranges::all_of(systems, [](const Json& s) { return at(s, "/success") == Json(true); });
-  outcome.verdict = verdict_text(settings, record);
+  outcome.fault = fault;
+  outcome.interrupted = stopped && !record.complete();
+  outcome.success = record.complete() && !fault && std::ranges::all_of(systems, [](const Json& s) {
+                      return at(s, "/success") == Json(true);
+                    });
+  outcome.verdict = verdict_text(record, outcome.interrupted, fault);
   outcome.table = mapping_systems().text(systems);
-  if (!settings.published_as.empty()) outcome.table += "published: " + settings.published_as + "\n";
+  if (!record.published_as.empty()) outcome.table += "published: " + record.published_as + "\n";
   outcome.table_csv = mapping_systems().csv(systems);
-  Json bad_frames = Json::array();
-  for (const Error& error : record.bad_frames) bad_frames.push_back(error.describe());
-  outcome.summary_json = summary_text(provenance, settings.type, outcome,
-                                      {{"reference", settings.reference},
-                                       {"published_as", settings.published_as},
+  const bool has_truth = std::ranges::any_of(record.cases, &CaseRecord::has_truth);
+  outcome.summary_json = summary_text(record.provenance, "mapping_benchmark", outcome,
+                                      {{"fault", fault ? Json(fault->describe()) : Json(nullptr)},
+                                       {"complete", record.complete()},
+                                       {"shard", shard_json(record.shard)},
+                                       {"reference", record.reference},
+                                       {"published_as", record.published_as},
                                        {"bad_frames", record.bad_frames.size()},
-                                       {"bad_frame_errors", bad_frames},
-                                       {"has_truth", record.has_truth},
-                                       {"systems", systems}});
+                                       {"bad_frame_errors", record.bad_frames},
+                                       {"has_truth", has_truth},
+                                       {"systems", systems},
+                                       {"time", time_json(record)}});
   return outcome;
 }
 
