@@ -176,6 +176,14 @@ Result<bool> has_row(SqliteQuery& query, const SqliteDatabase& database) {
   return tl::make_unexpected(database.error("cannot read the results"));
 }
 
+/// Takes back what a process that was killed had begun, which a reader is not allowed to.
+void roll_back(const std::filesystem::path& file) {
+  std::error_code ignored;
+  if (!std::filesystem::exists(file.string() + "-journal", ignored)) return;
+  SqliteDatabase database(kName);
+  if (database.open(file, Mode::kWrite)) (void)database.execute("SELECT 1 FROM sqlite_master");
+}
+
 }  // namespace
 
 struct ResultsReader::Impl {
@@ -191,6 +199,7 @@ Result<std::unique_ptr<ResultsReader>> ResultsReader::open(const std::filesystem
   if (!std::filesystem::is_regular_file(file, ignored)) {
     return fail(ErrorCode::kNotFound, "there are no results here", file.string());
   }
+  roll_back(file);
   std::unique_ptr<ResultsReader> reader(new ResultsReader());
   Impl& impl = *reader->impl_;
   SIDESTEP_TRY(impl.database.open(file, Mode::kRead));
