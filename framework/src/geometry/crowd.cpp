@@ -348,12 +348,14 @@ Eigen::Vector2d Crowd::hunt(const Person& person, Walker& walker,
     walker.hunts_s += people_.step_s;
     if (walker.hunts_s > kHunts_s) walker.hunts_s = -kHunts_s;
   }
-  if (walker.hunts_s > 0.0) {
-    const bool is_there = way_m.norm() <= person.radius_m + kCaught_m;
-    return is_there ? Eigen::Vector2d::Zero()
-                    : Eigen::Vector2d(person.speed_mps * way_m.normalized());
-  }
-  return std::min(person.speed_mps / std::max(home_m.norm(), 1e-9), 1.0) * home_m;
+  const bool is_hunting = walker.hunts_s > 0.0;
+  const Eigen::Vector2d to_m = is_hunting ? way_m : home_m;
+  const double far_m = to_m.norm();
+  if (is_hunting && far_m <= person.radius_m + kCaught_m) return Eigen::Vector2d::Zero();
+  // Where something stands in between, past it: first on one side, then on the other.
+  const double turn_rad = walker.stuck_s == 0.0 ? 0.0 : walker.stuck_s < 1.0 ? 1.3 : -1.3;
+  const double speed_mps = is_hunting ? person.speed_mps : std::min(person.speed_mps, far_m);
+  return speed_mps / std::max(far_m, 1e-9) * (Eigen::Rotation2Dd(turn_rad) * to_m);
 }
 
 Eigen::Vector2d Crowd::choose(std::size_t index, const Eigen::Vector2d& preferred_mps,

@@ -231,13 +231,13 @@ std::string leaves_seen_space(const PolicyView& view, const Trajectory& motion) 
   return {};
 }
 
-std::string leaves_joint_limits(const PolicyView& view, const Trajectory& motion) {
+std::string leaves_joint_limits(const PolicyView& view, const Trajectory& motion, double until_s) {
   const std::vector<Joint>& joints = view.setup.robot->description().joints;
   for (std::size_t j = 0; j < joints.size(); ++j) {
     if (joints[j].type == Joint::Type::kContinuous) continue;
     const double lower = std::min(joints[j].lower, motion.q(0)[j]) - kLimitTolerance;
     const double upper = std::max(joints[j].upper, motion.q(0)[j]) + kLimitTolerance;
-    for (int i = 0; i < motion.size(); ++i) {
+    for (int i = 0; i < motion.size() && motion.times_s[idx(i)] <= until_s; ++i) {
       const double q = motion.q(i)[j];
       if (q < lower || q > upper) return joints[j].name + format(" goes to %.6g", q);
     }

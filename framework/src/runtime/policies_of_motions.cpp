@@ -142,9 +142,20 @@ std::string ends_at_speed(const PolicyView& view) {
   }
   return kKept;
 }
+/// Until when what was sent has to be valid: all of it, but where its way is known to be free for a
+/// while only.
+double free_until_s(const PolicyView& view, const Sent& sent) {
+  const double end_s = sent.trajectory.duration_s();
+  if (sent.event.cause.find("; the way is free for ") == std::string::npos) return end_s;
+  // When the first violation begins is known to within the spacing of checks.
+  const ReplannerSettings& settings = view.setup.settings;
+  return time_before_s(view, sent.trajectory,
+                       std::min(end_s, settings.takeover_s + settings.horizon_s),
+                       settings.max_step_m);
+}
 std::string leaves_limits(const PolicyView& view) {
   const auto sent = view.sent();
-  return sent ? leaves_joint_limits(view, sent->trajectory) : kKept;
+  return sent ? leaves_joint_limits(view, sent->trajectory, free_until_s(view, *sent)) : kKept;
 }
 std::string exceeds_velocities(const PolicyView& view) {
   const auto sent = view.sent();
@@ -164,14 +175,7 @@ std::string brakes_too_hard(const PolicyView& view) {
 std::string plan_touches(const PolicyView& view) {
   const auto sent = view.sent();
   if (!sent || sent->is_stop || !view.has_map()) return kKept;
-  double until_s = sent->trajectory.duration_s();
-  if (sent->event.cause.find("; the way is free for ") != std::string::npos) {
-    // When the first violation begins is known to within the spacing of checks.
-    const ReplannerSettings& settings = view.setup.settings;
-    until_s = std::min(until_s, settings.takeover_s + settings.horizon_s);
-    until_s = time_before_s(view, sent->trajectory, until_s, settings.max_step_m);
-  }
-  return touches(view, sent->trajectory, 0.0, until_s);
+  return touches(view, sent->trajectory, 0.0, free_until_s(view, *sent));
 }
 std::string stop_touches(const PolicyView& view) {
   const auto sent = view.sent();

@@ -165,7 +165,8 @@ struct Policy : LoopPolicy {
                                      double from_s);
 [[nodiscard]] std::string meets_predicted(const PolicyView& view, const Sent& sent);
 [[nodiscard]] std::string leaves_seen_space(const PolicyView& view, const Trajectory& motion);
-[[nodiscard]] std::string leaves_joint_limits(const PolicyView& view, const Trajectory& motion);
+[[nodiscard]] std::string leaves_joint_limits(const PolicyView& view, const Trajectory& motion,
+                                              double until_s);
 [[nodiscard]] std::string is_too_fast(const PolicyView& view, const Sent& sent);
 /// Mean accelerations between two states, against the limit of motions, or of stops.
 [[nodiscard]] std::string speeds_up_too_much(const PolicyView& view, const Sent& sent);

@@ -279,12 +279,16 @@ TEST(Crowd, HuntsARobotThatComesNearAndLetsItGo) {
     const Eigen::Vector2d at_m = place_of(scene, 0, time_s);
     const double away_m = (at_m - robot_m(time_s)).norm();
     least_m = std::min(least_m, away_m);
-    if (time_s < wakes_s - 0.2 || time_s > 16.0) EXPECT_LT((at_m - home_m).norm(), 0.05) << time_s;
+    if (time_s < wakes_s - 0.2 || time_s > 16.0) {
+      EXPECT_LT((at_m - home_m).norm(), 0.05) << time_s;
+    }
     // Past the pillar, not through it.
     const Eigen::Vector2d beside_m = (at_m - Eigen::Vector2d(-0.4, 1.0)).cwiseAbs();
     EXPECT_GT((beside_m.array() - 0.2).cwiseMax(0.0).matrix().norm(), 0.2) << time_s;
-    // At 1.2 m/s it has caught up with the robot three seconds later.
-    if (time_s > wakes_s + 3.0 && time_s < wakes_s + 5.5) EXPECT_LT(away_m, 0.6) << time_s;
+    // At 1.2 m/s, half a second lost at the pillar, it has caught up with the robot.
+    if (time_s > wakes_s + 3.5 && time_s < wakes_s + 5.5) {
+      EXPECT_LT(away_m, 0.6) << time_s;
+    }
   }
   EXPECT_GT(least_m, 0.3);
 }
