@@ -7,12 +7,6 @@
 
 namespace sidestep {
 namespace detail {
-namespace {
-
-using Status = Replanner::Status;
-using Call = ExecutorCall::Kind;
-
-}  // namespace
 
 bool PolicyView::is_clock_back() const {
   return memory.last && !step.is_end && step.now < memory.last->now;

@@ -10,11 +10,6 @@
 namespace sidestep::detail {
 namespace {
 
-using Kind = ReplannerEvent::Kind;
-using Reason = ReplannerEvent::Reason;
-using Status = Replanner::Status;
-using Call = ExecutorCall::Kind;
-
 // What the robot is told of its state.
 
 std::string unknown_state(const PolicyView& view) {

@@ -9,11 +9,6 @@
 namespace sidestep::detail {
 namespace {
 
-using Kind = ReplannerEvent::Kind;
-using Reason = ReplannerEvent::Reason;
-using Status = Replanner::Status;
-using Call = ExecutorCall::Kind;
-
 // What it sends.
 
 /// How far two motions are apart at a time of the second one, which was sent for `start`.

@@ -9,11 +9,6 @@
 namespace sidestep::detail {
 namespace {
 
-using Kind = ReplannerEvent::Kind;
-using Reason = ReplannerEvent::Reason;
-using Status = Replanner::Status;
-using Call = ExecutorCall::Kind;
-
 // Stops.
 
 std::string fault_goes_on(const PolicyView& view) {

@@ -9,6 +9,11 @@
 
 namespace sidestep::detail {
 
+using Kind = ReplannerEvent::Kind;
+using Reason = ReplannerEvent::Reason;
+using Status = Replanner::Status;
+using Call = ExecutorCall::Kind;
+
 inline constexpr double kRounding = 1e-6;  ///< m, rad, s and per s.
 
 // Promises of docs/closed_loop.md that several policies guard.
@@ -38,8 +43,6 @@ struct LoopSetup {
   SpacePolicy space;
   ReplannerSettings settings;
   std::vector<bool> fixed;  ///< Spheres that no joint moves.
-
-  [[nodiscard]] double search_s() const noexcept { return settings.search_s(); }
 };
 
 /// What has been so far, up to the step that is judged.
@@ -119,12 +122,10 @@ struct PolicyView {
 };
 
 [[nodiscard]] inline bool is_plan(const ReplannerEvent& event) {
-  return event.kind == ReplannerEvent::Kind::kPlanned ||
-         event.kind == ReplannerEvent::Kind::kReplanned;
+  return event.kind == Kind::kPlanned || event.kind == Kind::kReplanned;
 }
 [[nodiscard]] inline bool is_stop(const ReplannerEvent& event) {
-  return event.kind == ReplannerEvent::Kind::kSlowed ||
-         event.kind == ReplannerEvent::Kind::kStopped;
+  return event.kind == Kind::kSlowed || event.kind == Kind::kStopped;
 }
 
 /// By what a policy is broken where the robot has to stop in the step, and goes on.

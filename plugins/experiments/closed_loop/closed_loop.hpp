@@ -347,6 +347,13 @@ struct EpisodeParts {
 [[nodiscard]] Result<EpisodeRecord> run_episode(ExperimentContext& context,
                                                 const EpisodeParts& parts, std::int64_t episode);
 
+/// Certifies what was followed, each motion for as long as it was, among what the map held as it
+/// began, counts them, and leaves the certificates of those that are proven in the run's folder,
+/// certificates/episode-EPISODE/MOTION.json. Fails as leave_certificate() does.
+[[nodiscard]] Result<void> certify_motions(const RobotModel& robot, const SpacePolicy& space,
+                                           const std::filesystem::path& run,
+                                           EpisodeRecord& episode);
+
 /// What both read of a configuration, and how their runs are shown.
 class LoopExperiment : public Experiment {
  public:

@@ -5,15 +5,12 @@
 #include <random>
 #include <set>
 
-#include <sidestep/certificates/leave_certificate.hpp>
 #include <sidestep/core/seed.hpp>
 #include <sidestep/planning/goal.hpp>
 #include <sidestep/planning/initial_guess.hpp>
-#include <sidestep/planning/shape_obstacles.hpp>
 #include <sidestep/runtime/gaze_loop.hpp>
 #include <sidestep/runtime/loop_policies.hpp>
 #include <sidestep/runtime/step_watch.hpp>
-#include <sidestep/trajectory/splice.hpp>
 
 namespace sidestep {
 namespace {
@@ -90,7 +87,10 @@ class EpisodeRun {
     record_.frames_dropped = record_.dropped;
     record_.following = mapping_.following();
     SIDESTEP_TRY(find_truth());
-    if (is_certified_) SIDESTEP_TRY(certify_motions());
+    if (is_certified_) {
+      SIDESTEP_TRY(
+          certify_motions(*world_.robot, settings_.planning.space(), context_.out, record_));
+    }
     judge();
     if (observer_ != nullptr) {
       mapping_.show(false);
@@ -425,34 +425,6 @@ class EpisodeRun {
     for (const TrueContact& contact : record_.truth.contacts) {
       record_.contacts.push_back(
           {contact, cause_of(contact, record_, settings_.replanner.rest_speed)});
-    }
-    return {};
-  }
-
-  /// Certifies what was followed, each motion for as long as it was, among what the map held as it
-  /// began, counts them, and leaves the certificates of those that are proven in the run's folder,
-  /// certificates/episode-EPISODE/MOTION.json. Fails as leave_certificate() does.
-  [[nodiscard]] Result<void> certify_motions() {
-    constexpr double kLeast_s = 1e-3;
-    const auto folder =
-        context_.out / "certificates" / ("episode-" + std::to_string(record_.episode));
-    std::int64_t& motions = record_.motions.emplace(0);
-    std::int64_t& proven = record_.proven_motions.emplace(0);
-    for (std::size_t i = 0; i < record_.moved.size(); ++i) {
-      const FollowedPath& moved = record_.moved[i];
-      const bool is_last = i + 1 == record_.moved.size();
-      double end_s = moved.trajectory.duration_s();
-      if (!is_last) end_s = std::min(end_s, record_.moved[i + 1].start_s - moved.start_s);
-      if (end_s < kLeast_s || moved.field == nullptr) continue;
-      const SpacePolicy space = settings_.planning.space();
-      ShapeObstacles obstacles;
-      obstacles.resolution_m = moved.field->info().grid.resolution_m;
-      obstacles.occupied_centres_m = occupied_centres(*moved.field, space.unknown);
-      obstacles.floor = space.floor;
-      const auto outcome = SIDESTEP_TRY(
-          leave_certificate(*world_.robot, obstacles, {}, cut(moved.trajectory, 0.0, end_s),
-                            folder / (std::to_string(motions++) + ".json")));
-      proven += outcome == Certification::Outcome::kProven ? 1 : 0;
     }
     return {};
   }
