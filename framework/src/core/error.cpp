@@ -19,9 +19,13 @@ std::string_view to_string(ErrorCode code) noexcept {
 }
 
 std::string Error::describe() const {
-  std::string text = where.empty() ? message : where + ": " + message;
-  if (!hint.empty()) text += " (" + hint + ")";
-  if (cause) text += "\n  because " + cause->describe();
+  std::string text;
+  for (const Error* error = this; error != nullptr; error = error->cause.get()) {
+    if (error != this) text += "\n  because ";
+    if (!error->where.empty()) text += error->where + ": ";
+    text += error->message;
+    if (!error->hint.empty()) text += " (" + error->hint + ")";
+  }
   return text;
 }
 

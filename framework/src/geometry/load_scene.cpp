@@ -46,17 +46,17 @@ std::shared_ptr<const Error> followed_by(const Error& error, std::shared_ptr<con
   return std::make_shared<const Error>(std::move(copy));
 }
 
+/// As many mistakes as somebody reads; of the others their number is told.
+constexpr std::size_t kMostTold = 100;
+
 Error chained(const std::vector<Error>& errors, const fs::path& file) {
+  const std::size_t told = std::min(errors.size(), kMostTold);
   std::shared_ptr<const Error> rest;
-  for (auto error = errors.rbegin(); error != errors.rend(); ++error) {
-    rest = followed_by(*error, std::move(rest));
-  }
-  return Error{ErrorCode::kConfig,
-               "the scene has " + std::to_string(errors.size()) +
-                   (errors.size() == 1 ? " mistake" : " mistakes"),
-               file.string(),
-               {},
-               rest};
+  for (std::size_t i = told; i > 0; --i) rest = followed_by(errors[i - 1], std::move(rest));
+  std::string what = "the scene has " + std::to_string(errors.size()) +
+                     (errors.size() == 1 ? " mistake" : " mistakes");
+  if (told < errors.size()) what += ", of which these are the first " + std::to_string(told);
+  return Error{ErrorCode::kConfig, std::move(what), file.string(), {}, rest};
 }
 
 }  // namespace

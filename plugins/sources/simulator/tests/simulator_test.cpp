@@ -161,6 +161,21 @@ TEST_F(SimulatorSource, TellsEveryMistakeOfAScene) {
   EXPECT_THAT(text, HasSubstr("radius_m must be greater than 0"));
 }
 
+TEST_F(SimulatorSource, CountsMistakesThatNobodyReads) {
+  const auto file = std::filesystem::path(::testing::TempDir()) / "sidestep_simulator_many.yaml";
+  std::string objects = "objects:\n";
+  for (int i = 0; i < 100000; ++i) objects += "  - 1\n";
+  std::ofstream(file) << objects;
+  options_.scene = file;
+  const auto source = create_source(options_, host_.context());
+  std::filesystem::remove(file);
+  ASSERT_FALSE(source);
+  const std::string text = source.error().describe();
+  EXPECT_THAT(text, HasSubstr("the scene has 100000 mistakes, of which these are the first 100"));
+  EXPECT_THAT(text, HasSubstr("sidestep_simulator_many.yaml:101:"));
+  EXPECT_THAT(text, ::testing::Not(HasSubstr("sidestep_simulator_many.yaml:102:")));
+}
+
 TEST_F(SimulatorSource, RefusesAnEmptyRangeAndABadPath) {
   options_.range_min_m = 6.0;
   options_.camera_path.clear();
