@@ -1,5 +1,8 @@
 #include <sidestep/core/file.hpp>
 
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <cerrno>
 #include <fstream>
 #include <system_error>
@@ -13,6 +16,17 @@ namespace fs = std::filesystem;
 std::string size_text(std::uintmax_t bytes) {
   constexpr std::uintmax_t kMebi = std::uintmax_t{1} << 20;
   return bytes < kMebi ? std::to_string(bytes) + " bytes" : std::to_string(bytes / kMebi) + " MiB";
+}
+
+/// Waits until what a file, or folder, holds is on the disk. If not, errno says why.
+bool sync(const fs::path& path) {
+  const int opened = open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (opened < 0) return false;
+  const bool is_synced = fsync(opened) == 0;
+  const int error = errno;
+  close(opened);
+  errno = error;
+  return is_synced;
 }
 
 }  // namespace
@@ -63,10 +77,13 @@ Result<void> write_file(const fs::path& file, std::string_view text) {
   std::ofstream out(part, std::ios::binary);
   out << text;
   out.close();
-  if (!out) error.assign(errno, std::generic_category());
-  if (out && is_in_place) return {};
-  if (out) {
+  const bool is_written = out && (is_in_place || sync(part));
+  if (!is_written) error.assign(errno, std::generic_category());
+  if (is_written && is_in_place) return {};
+  if (is_written) {
     fs::rename(part, target, error);
+    // Not every file system syncs folders; then the file is there by its next sync.
+    if (!error) (void)sync(fs::absolute(target, ignored).parent_path());
     if (!error) return {};
   }
   if (!is_in_place) fs::remove(part, ignored);

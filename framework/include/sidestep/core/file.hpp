@@ -17,8 +17,8 @@ inline constexpr std::uintmax_t kMostFileBytes = std::uintmax_t{64} << 20;
 [[nodiscard]] Result<std::string> read_file(const std::filesystem::path& file,
                                             std::uintmax_t limit_bytes = kMostFileBytes);
 
-/// Replaces a file as a whole: whoever reads it meanwhile, and a process that ends meanwhile, finds
-/// the old one or the new one. Fails with kIo. [any]
+/// Replaces a file as a whole: whoever reads it meanwhile, and who finds it after a process or the
+/// machine ended meanwhile, has the old one or the new one. Fails with kIo. [any]
 [[nodiscard]] Result<void> write_file(const std::filesystem::path& file, std::string_view text);
 
 }  // namespace sidestep
