@@ -112,7 +112,7 @@ class SIDESTEP_EXPORT Experiment {
   /// has passed check(). Fails where the experiment could not be done at all; a task that fails is
   /// an outcome.
   [[nodiscard]] virtual Result<ExperimentOutcome> run(ExperimentContext& context) const = 0;
-  /// Puts the runs of shards together in the folder `out`; of divisible experiments only.
+  /// Puts the runs of shards together in `out`. Where there can be none: kUnsupported, and why not.
   [[nodiscard]] virtual Result<ExperimentOutcome> merge(
       const std::vector<std::filesystem::path>& shards, const std::filesystem::path& out) const {
     (void)shards;
