@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# A sweep of 3 x 3 x 3 runs, of which one is killed: it is told, no other is lost, and the same command makes it up.
+# A sweep of 3 x 3 x 3 runs that is interrupted, and goes on; of which one is killed then: it is told, no other is lost,
+# and the same command makes it up.
 #
 #   check_sweep.sh SIDESTEP WORK here | slurm PLUGINS      77: Slurm is not installed
 set -euo pipefail
@@ -24,28 +25,54 @@ told() {
 }
 
 out=$work/out
-"$sidestep" sweep "$sweep" --out "$out" "${how[@]}" >"$work/log" 2>&1 &
-sweeping=$!
+begin() {
+  code=0
+  "$sidestep" sweep "$sweep" --out "$out" "${how[@]}" >"$work/log" 2>&1 &
+  sweeping=$!
+}
+# until COMMAND...: waits two minutes until it succeeds.
+until_() {
+  for _ in $(seq 2400); do
+    ! "$@" || return 0
+    sleep 0.05
+  done
+  echo "never: $*"
+  exit 1
+}
+done_() { ls "$out"/*/report.html 2>/dev/null | wc -l; }
+is_under_way() { [ "$(done_)" -ge 3 ]; }
+
+begin
+until_ is_under_way
+kill -INT "$sweeping"
+wait "$sweeping" || code=$?
+interrupted=$(done_)
+told 1 " are not done; the same command goes on with them:"
+[ "$interrupted" -lt 20 ] || { echo "$interrupted runs were done after an interrupt"; exit 1; }
+[ "$where" = here ] || [ -z "$(squeue --noheader)" ] || { echo "the cluster goes on"; squeue; exit 1; }
+sleep 1
+[ -z "$(pgrep -f "sidestep run .*--out $out/" || true)" ] || { echo "runs go on after an interrupt"; exit 1; }
+[ "$(done_)" -eq "$interrupted" ] || { echo "runs go on after an interrupt"; exit 1; }
+
+touch "$work/begun"
+begin
 # The process that does run 14, and the one in it.
-victims=""
-for _ in $(seq 2400); do
-  victims=$(pgrep -f "sidestep run .*--out $out/14-" || true)
-  [ -z "$victims" ] || break
-  sleep 0.05
-done
+runs_14() { victims=$(pgrep -f "sidestep run .*--out $out/14-"); }
+until_ runs_14
 kill -KILL $victims
-code=0
 wait "$sweeping" || code=$?
 told 4 "Of 27 runs 26 succeeded and 0 failed. 1 are not done; the same command goes on with them:" "  14-"
 [ "$where" = slurm ] || told 4 "killed by SIGKILL"
 [ "$where" != slurm ] || told 4 "its task ended before it was done, see task-14.log"
-[ "$(ls "$out"/*/report.html | wc -l)" -eq 26 ] || { echo "not 26 runs are left"; exit 1; }
+[ "$(done_)" -eq 26 ] || { echo "not 26 runs are left"; exit 1; }
+again() { find "$out" -mindepth 2 -name summary.json -newer "$work/begun" | wc -l; }
+[ "$(again)" -eq $((26 - interrupted)) ] || { echo "what was done before the interrupt is done again"; exit 1; }
 
 touch "$work/begun"
 code=0
 "$sidestep" sweep "$sweep" --out "$out" "${how[@]}" >"$work/log" 2>&1 || code=$?
 told 0 "Of 27 runs 27 succeeded and 0 failed." "report: $out/sweep.html"
-[ "$(find "$out" -mindepth 2 -name summary.json -newer "$work/begun" | wc -l)" -eq 1 ] || { echo "what was done is done again"; exit 1; }
+[ "$(again)" -eq 1 ] || { echo "what was done is done again"; exit 1; }
 
 # Each run had its values, and the table has them.
 grep -q 'interpolated_checks: 2 ' "$out"/*planning.interpolated_checks=2-experiment.seed=3/effective_config.yaml
