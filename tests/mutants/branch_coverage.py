@@ -1,0 +1,129 @@
+#!/usr/bin/python3
+"""Measures which branches of the safety core its unit tests take, by gcov.
+
+    branch_coverage.py [--build FOLDER] [--bound SHARE] [--missing] [--no-build] [--no-run] [--only TEST,...]
+
+Builds the tests that core.py names in build/coverage, its sources unoptimised, runs them, and prints for each file how
+many branches it has and how many were taken. Ends with 1 where the share of all is under the bound (95 %).
+
+A branch is a way out of a condition that the source has. g++ counts more, which are left out:
+- the two ways out of each call that may throw: gcov marks one `throw`, the one before it is the call's return;
+- conditions of lines without any: destructors of what may not have been built, guards of static objects.
+A function that is compiled several times, a template or a kernel for several instruction sets, counts once: a branch is
+taken where one of its copies takes it.
+"""
+
+import argparse
+import collections
+import json
+import pathlib
+import re
+import subprocess
+import sys
+
+sys.dont_write_bytecode = True
+
+import core
+
+# What makes a condition in C++. Macros of tests, assertions and the like do not occur in the core.
+CONDITION = re.compile(r"\b(if|for|while|case|switch|default)\b|&&|\|\||\?")
+
+
+def code_of(line):
+    """A line without its comment and its literals."""
+    return re.sub(r'"(\\.|[^"\\])*"|//.*', '""', line)
+
+
+def own_branches(branches):
+    """The counts of a line's branches without those of calls that may throw."""
+    kept = []
+    for branch in branches:
+        if branch["throw"]:
+            if kept and kept[-1]["fallthrough"]:
+                kept.pop()
+        else:
+            kept.append(branch)
+    return [branch["count"] for branch in kept]
+
+
+def read_counts(notes, root, wanted):
+    """{file: {line: [count of each branch]}} of the objects whose notes these are."""
+    found = collections.defaultdict(lambda: collections.defaultdict(dict))
+    for note in notes:
+        text = subprocess.run(["gcov", "--json-format", "--stdout", "--branch-probabilities", note.name], cwd=note.parent,
+                              check=True, capture_output=True, text=True).stdout
+        for document in text.splitlines():
+            document = json.loads(document)
+            for file in document["files"]:
+                path = pathlib.Path(document["current_working_directory"], file["file"]).resolve()
+                name = str(path.relative_to(root)) if path.is_relative_to(root) else ""
+                if name not in wanted:
+                    continue
+                places = {function["name"]: (function["start_line"], function["start_column"])
+                          for function in file["functions"]}
+                lines = path.read_text().splitlines()
+                for line in file["lines"]:
+                    number = line["line_number"]
+                    if not CONDITION.search(code_of(lines[number - 1])):
+                        continue
+                    counts = own_branches(line["branches"])
+                    key = (places.get(line.get("function_name")), len(counts))
+                    of_line = found[name][number]
+                    of_line[key] = [a + b for a, b in zip(of_line.get(key, [0] * len(counts)), counts)]
+    return {name: {number: [count for counts in of_line.values() for count in counts]
+                   for number, of_line in lines.items()} for name, lines in found.items()}
+
+
+def report(counts, order, missing, root):
+    """Prints the table; returns the share of the branches that were taken."""
+    print(f"{'branches':>9} {'taken':>6} {'share':>7}  file")
+    all_of_them = all_taken = 0
+    for name in order:
+        branches = [count for counts_of_line in counts.get(name, {}).values() for count in counts_of_line]
+        taken = sum(count > 0 for count in branches)
+        all_of_them, all_taken = all_of_them + len(branches), all_taken + taken
+        if branches:
+            print(f"{len(branches):9} {taken:6} {100 * taken / len(branches):6.1f}%  {name}")
+    share = 100 * all_taken / all_of_them if all_of_them else 0.0
+    print(f"{all_of_them:9} {all_taken:6} {share:6.1f}%  all")
+    if missing:
+        for name in order:
+            lines = (root / name).read_text().splitlines()
+            for number, of_line in sorted(counts.get(name, {}).items()):
+                if not all(of_line):
+                    print(f"{name}:{number}: {of_line.count(0)} of {len(of_line)} not taken: {lines[number - 1].strip()}")
+    return share
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--build", type=pathlib.Path, default=core.ROOT / "build" / "coverage")
+    parser.add_argument("--bound", type=float, default=95.0, help="share in percent under which it ends with 1")
+    parser.add_argument("--missing", action="store_true", help="also lists the lines with branches that were not taken")
+    parser.add_argument("--no-build", action="store_true")
+    parser.add_argument("--no-run", action="store_true", help="reads what an earlier run counted")
+    parser.add_argument("--only", help="runs these tests, and adds to what an earlier run counted")
+    parser.add_argument("--jobs", type=int, default=2)
+    options = parser.parse_args()
+    build = options.build.resolve()
+    tests = options.only.split(",") if options.only else list(core.TESTS)
+    if not options.no_build:
+        core.configure(build, "coverage", "--coverage")
+        core.make(build, tests, options.jobs)
+    if not options.no_run:
+        if not options.only:
+            for counted in build.rglob("*.gcda"):
+                counted.unlink()
+        for test in tests:
+            ended = core.run_niced([build / "bin" / test, "--gtest_brief=1", f"--gtest_filter={core.TESTS[test]}"],
+                                   stdout=sys.stderr)
+            if ended.returncode:
+                sys.exit(f"{test} failed")
+    print("branches of", ", ".join(tests) if options.only else "all tests of the core")
+    share = report(read_counts(sorted(build.rglob("*.gcno")), core.ROOT, set(core.files())), core.files(), options.missing,
+                   core.ROOT)
+    return 0 if share >= options.bound else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
