@@ -16,8 +16,8 @@ struct ViewServerSettings {
   std::string bind = "127.0.0.1";  ///< IP address.
   unsigned short port = 0;         ///< 0: the system chooses.
   bool require_token = false;
-  std::size_t max_clients = 32;
-  std::size_t max_connections = 128;                     ///< Those that are no clients included.
+  std::size_t max_clients = 32;                          ///< Half of max_connections, at most.
+  std::size_t max_connections = 128;                     ///< And a quarter of RLIMIT_NOFILE.
   std::size_t max_message_bytes = 256;                   ///< That a client sends.
   std::size_t max_queued_bytes = std::size_t{32} << 20;  ///< Of a client, before it is dropped.
   std::chrono::milliseconds request_time{5'000};         ///< For a whole request.

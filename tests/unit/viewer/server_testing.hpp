@@ -17,9 +17,10 @@ namespace sidestep::testing_support {
 class ViewServerFixture : public ::testing::Test {
  protected:
   void start(const ViewServerSettings& settings = {}, RecordingOpener recording = {},
-             PageRequestHandler* desk = nullptr) {
+             PageRequestHandler* desk = nullptr,
+             const std::string& script = std::string(300'000, 'x')) {
     folder_.write("page/index.html", "<p>the page</p>");
-    folder_.write("page/viewer.js", std::string(300'000, 'x'));
+    folder_.write("page/viewer.js", script);
     folder_.write("secret.txt", "the secret");
     auto assets = ViewAssets::read(folder_.path() / "page");
     ASSERT_TRUE(assets);

@@ -1,3 +1,5 @@
+#include <sys/resource.h>
+
 #include <algorithm>
 
 #include <gmock/gmock.h>
@@ -190,13 +192,65 @@ TEST_F(ViewServerClientsTest, ThereAreAtMostSoManyPages) {
   EXPECT_EQ(SocketClient(port()).ask_for_socket(), 101);
 }
 
-TEST_F(ViewServerClientsTest, ConnectionsThatAreNoPagesAreBounded) {
+TEST_F(ViewServerClientsTest, WhoWaitsLongestGivesWay) {
   ViewServerSettings settings;
   settings.max_connections = 3;
+  settings.request_time = std::chrono::hours(1);
   start(settings);
   std::vector<std::unique_ptr<SocketClient>> idle;
-  for (int i = 0; i < 3; ++i) idle.push_back(std::make_unique<SocketClient>(port()));
-  EXPECT_EQ(SocketClient(port()).receive_all(), "") << "the fourth is not listened to";
+  for (int i = 0; i < 20; ++i) idle.push_back(std::make_unique<SocketClient>(port()));
+  EXPECT_EQ(status(get("/")), 200);
+  for (std::size_t i = 0; i < 18; ++i) EXPECT_EQ(idle[i]->receive_all(), "") << i;
+  EXPECT_EQ(SocketClient(port()).ask_for_socket(), 101);
+}
+
+TEST_F(ViewServerClientsTest, WhoReadsIsNotCutOffByWhoDoesNot) {
+  ViewServerSettings settings;
+  settings.max_connections = 50;
+  start(settings, {}, nullptr,
+        std::string(20'000'000, 'x'));  // more than the kernel's buffers hold
+  const std::string request = "GET /viewer.js HTTP/1.1\r\nHost: " + host() + "\r\n\r\n";
+  SocketClient reader(port(), 65'536);
+  reader.send(request);
+  ASSERT_EQ(status(reader.receive_head()), 200);
+  std::vector<std::unique_ptr<SocketClient>> deaf;
+  for (int i = 0; i < 100; ++i) {
+    deaf.push_back(std::make_unique<SocketClient>(port(), 4096));
+    deaf.back()->send(request);
+    ASSERT_EQ(reader.receive(100'000), std::string(100'000, 'x')) << i;
+  }
+  EXPECT_EQ(reader.receive_all().size(), 10'000'000U);
+}
+
+TEST_F(ViewServerClientsTest, SlicesThatNobodyReadsDoNotAddUp) {
+  start();
+  const SliceRequest low{2, 0.5};
+  const auto deaf = greeted_client({}, 4096);
+  deaf->send_text(R"({"slice": {"axis": "z", "position_m": 0.5}})");
+  while (server_->demand().slices.empty()) std::this_thread::yield();
+  server_->publish(message(std::string(20'000'000, 'm')));  // more than the kernel's buffers hold
+  for (int i = 0; i < 100; ++i) server_->publish_slice(low, message("slice " + std::to_string(i)));
+  server_->publish(message("after"));
+  EXPECT_EQ(deaf->receive_message().value().size(), 20'000'000U);
+  EXPECT_EQ(deaf->receive_message(), "slice 0");
+  EXPECT_EQ(deaf->receive_message(), "after");
+  server_->publish_slice(low, message("next"));
+  EXPECT_EQ(deaf->receive_message(), "next");
+}
+
+TEST_F(ViewServerClientsTest, FilesAreLeftToTheRun) {
+  rlimit before{};
+  ASSERT_EQ(getrlimit(RLIMIT_NOFILE, &before), 0);
+  const rlimit few{64, before.rlim_max};
+  ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &few), 0);
+  start();
+  ASSERT_EQ(setrlimit(RLIMIT_NOFILE, &before), 0);
+  std::vector<std::unique_ptr<SocketClient>> pages;
+  for (int i = 0; i < 8; ++i) {
+    pages.push_back(std::make_unique<SocketClient>(port()));
+    ASSERT_EQ(pages.back()->ask_for_socket(), 101) << i;
+  }
+  EXPECT_EQ(SocketClient(port()).ask_for_socket(), 503);
 }
 
 TEST_F(ViewServerClientsTest, GoodbyeComesAfterAllThatIsLeft) {

@@ -82,6 +82,8 @@ TEST_F(ViewServerTest, AnswersToItsOwnNameAlone) {
   EXPECT_EQ(with_host("Host: evil.example:" + std::to_string(port()) + "\r\n"), 403);
   EXPECT_EQ(with_host("Host: 127.0.0.1\r\n"), 403);
   EXPECT_EQ(with_host(""), 403);
+  EXPECT_THAT(exchange("GET / HTTP/1.1\r\nHost: x; script-src *\r\n\r\n"),
+              Not(HasSubstr("script-src")));
   EXPECT_EQ(with_host("Host: " + host() + "\r\nHost: evil.example\r\n"), 403);
 }
 

@@ -8,6 +8,7 @@
 #include <deque>
 #include <exception>
 #include <functional>
+#include <list>
 #include <mutex>
 #include <optional>
 #include <set>
@@ -37,7 +38,6 @@ namespace net = boost::asio;
 namespace websocket = beast::websocket;
 using tcp = net::ip::tcp;
 using Bytes = std::shared_ptr<const std::string>;
-using Ticket = std::shared_ptr<const int>;  ///< Counts connections by who shares it.
 
 inline constexpr std::size_t kMostHeaderBytes = 8 << 10;
 inline constexpr std::size_t kMostDrainedBytes = 1 << 20;
@@ -82,6 +82,7 @@ class DeskWorker {
 };
 
 class Client;
+class Connection;
 
 /// What all connections share; everything of the server's thread's, but for what says otherwise.
 struct Hub {
@@ -95,6 +96,7 @@ struct Hub {
   template <class Act>
   void for_each(const Act& act);
 
+  std::list<Connection*> connections;  ///< That are no clients; outlives them, which `io` may hold.
   net::io_context io{1};
   tcp::acceptor acceptor{io};
   net::steady_timer retry{io};
@@ -102,7 +104,6 @@ struct Hub {
   const ViewServerSettings settings;
   const RecordingOpener recording;
   ViewAddress address;
-  Ticket ticket = std::make_shared<const int>(0);
   std::set<std::shared_ptr<Client>> clients;
   bool is_finishing = false;
   std::unique_ptr<DeskWorker> desk;  ///< Null where pages may ask for slices alone.
@@ -119,8 +120,7 @@ struct Hub {
 /// A page that is connected.
 class Client : public std::enable_shared_from_this<Client> {
  public:
-  Client(Hub& hub, tcp::socket socket, Ticket ticket)
-      : hub_(hub), ticket_(std::move(ticket)), socket_(std::move(socket)) {
+  Client(Hub& hub, tcp::socket socket) : hub_(hub), socket_(std::move(socket)) {
     websocket::stream_base::timeout limits{};
     limits.handshake_timeout = hub_.settings.request_time;
     limits.idle_timeout = hub_.settings.idle_time;
@@ -144,6 +144,15 @@ class Client : public std::enable_shared_from_this<Client> {
     if (queued_bytes_ > hub_.settings.max_queued_bytes + greeting_bytes_) return leave();
     add(bytes);
     pump();
+  }
+
+  /// Left out while the last one has not been taken: each page may want its own, so that what is
+  /// not read would add up.
+  void send_slice(const Bytes& bytes) {
+    const Bytes last = last_slice_.lock();
+    if (last != nullptr && std::ranges::count(queue_, last) > 0) return;
+    last_slice_ = bytes;
+    send(bytes);
   }
 
   void greet(const std::vector<ViewMessage>& messages) {
@@ -260,10 +269,10 @@ class Client : public std::enable_shared_from_this<Client> {
   }
 
   Hub& hub_;
-  Ticket ticket_;
   websocket::stream<beast::tcp_stream> socket_;
   beast::flat_buffer in_;
   std::deque<Bytes> queue_;  ///< The first is being sent.
+  std::weak_ptr<const std::string> last_slice_;
   std::size_t queued_bytes_ = 0;
   std::size_t greeting_bytes_ = 0;
   std::unique_ptr<Recording> recording_;
