@@ -8,6 +8,7 @@ many branches it has and how many were taken. Ends with 1 where the share of all
 
 A branch is a way out of a condition that the source has. g++ counts more, which are left out:
 - the two ways out of each call that may throw: gcov marks one `throw`, the one before it is the call's return;
+- those of blocks that only an exception reaches;
 - conditions of lines without any: destructors of what may not have been built, guards of static objects.
 A function that is compiled several times, a template or a kernel for several instruction sets, counts once: a branch is
 taken where one of its copies takes it.
@@ -34,40 +35,70 @@ def code_of(line):
     return re.sub(r'"(\\.|[^"\\])*"|//.*', '""', line)
 
 
-def own_branches(branches):
-    """The counts of a line's branches without those of calls that may throw."""
+def run_gcov(note, root, *options):
+    return subprocess.run(["gcov", "--stdout", "--branch-probabilities", "--relative-only", "--source-prefix", root, *options,
+                           note.name], cwd=note.parent, check=True, capture_output=True, text=True).stdout
+
+
+def exceptional_branches(text):
+    """{(file, line, function): [whether only an exception leads there, of each branch]}, from gcov's text.
+
+    The function is that of a copy; None where there is one only.
+    """
+    found = collections.defaultdict(list)
+    name, number, copy, is_exceptional = "", 0, None, False
+    for line in text.splitlines():
+        block = re.match(r" *([\d$%]+)\*?: *\d+-block +\d+$", line)
+        beginning = re.match(r" *\S+: *(\d+):(Source:(.*))?", line)
+        if line.startswith("branch"):
+            found[name, number, copy].append(is_exceptional)
+        elif block:
+            is_exceptional = block[1].startswith("$")
+        elif beginning:
+            number, is_exceptional = int(beginning[1]), False
+            if beginning[2] and number == 0:
+                name, copy = beginning[3], None
+        elif line.startswith("------"):
+            copy = None
+        elif re.match(r"\S+:$", line):
+            copy = line[:-1]
+    return found
+
+
+def own_branches(branches, exceptional):
+    """The counts of a line's branches without those of calls that may throw, and of what only an exception reaches."""
     kept = []
-    for branch in branches:
+    for branch, is_exceptional in zip(branches, exceptional):
         if branch["throw"]:
-            if kept and kept[-1]["fallthrough"]:
-                kept.pop()
+            if kept and kept[-1][0]["fallthrough"]:
+                kept.pop()  # the return of the same call
         else:
-            kept.append(branch)
-    return [branch["count"] for branch in kept]
+            kept.append((branch, is_exceptional))
+    return [branch["count"] for branch, is_exceptional in kept if not is_exceptional]
 
 
 def read_counts(notes, root, wanted):
     """{file: {line: [count of each branch]}} of the objects whose notes these are."""
     found = collections.defaultdict(lambda: collections.defaultdict(dict))
+    sources = {name: (root / name).read_text().splitlines() for name in wanted}
     for note in notes:
-        text = subprocess.run(["gcov", "--json-format", "--stdout", "--branch-probabilities", note.name], cwd=note.parent,
-                              check=True, capture_output=True, text=True).stdout
-        for document in text.splitlines():
-            document = json.loads(document)
-            for file in document["files"]:
-                path = pathlib.Path(document["current_working_directory"], file["file"]).resolve()
-                name = str(path.relative_to(root)) if path.is_relative_to(root) else ""
+        exceptional = exceptional_branches(run_gcov(note, root, "--all-blocks"))
+        for document in run_gcov(note, root, "--json-format").splitlines():
+            for file in json.loads(document)["files"]:
+                name = file["file"].removeprefix(f"{root}/")
                 if name not in wanted:
                     continue
                 places = {function["name"]: (function["start_line"], function["start_column"])
                           for function in file["functions"]}
-                lines = path.read_text().splitlines()
                 for line in file["lines"]:
-                    number = line["line_number"]
-                    if not CONDITION.search(code_of(lines[number - 1])):
+                    number, function = line["line_number"], line.get("function_name")
+                    if not CONDITION.search(code_of(sources[name][number - 1])):
                         continue
-                    counts = own_branches(line["branches"])
-                    key = (places.get(line.get("function_name")), len(counts))
+                    flags = exceptional.get((name, number, function)) or exceptional.get((name, number, None)) or []
+                    if len(flags) != len(line["branches"]):
+                        flags = [False] * len(line["branches"])
+                    counts = own_branches(line["branches"], flags)
+                    key = (places.get(function), len(counts))
                     of_line = found[name][number]
                     of_line[key] = [a + b for a, b in zip(of_line.get(key, [0] * len(counts)), counts)]
     return {name: {number: [count for counts in of_line.values() for count in counts]
