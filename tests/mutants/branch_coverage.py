@@ -10,6 +10,7 @@ A branch is a way out of a condition that the source has. g++ counts more, which
 - the two ways out of each call that may throw: gcov marks one `throw`, the one before it is the call's return;
 - those of blocks that only an exception reaches;
 - conditions of lines without any: destructors of what may not have been built, guards of static objects.
+- the choice of a kernel by the processor (SIDESTEP_DISPATCH).
 A function that is compiled several times, a template or a kernel for several instruction sets, counts once: a branch is
 taken where one of its copies takes it.
 """
@@ -29,9 +30,13 @@ import core
 # What makes a condition in C++. Macros of tests, assertions and the like do not occur in the core.
 CONDITION = re.compile(r"\b(if|for|while|case|switch|default)\b|&&|\|\||\?")
 
+KERNEL_COPIES = 3
+
 
 def code_of(line):
-    """A line without its comment and its literals."""
+    """A line without its comment and its literals; nothing of one that the processor decides."""
+    if "SIDESTEP_DISPATCH" in line:
+        return ""
     return re.sub(r'"(\\.|[^"\\])*"|//.*', '""', line)
 
 
@@ -81,6 +86,9 @@ def read_counts(notes, root, wanted):
     """{file: {line: [count of each branch]}} of the objects whose notes these are."""
     found = collections.defaultdict(lambda: collections.defaultdict(dict))
     sources = {name: (root / name).read_text().splitlines() for name in wanted}
+    # Where the part begins that is compiled for each instruction set (core/each_target.hpp).
+    kernels = {name: lines.index("#else") if any("#define SIDESTEP_KERNELS" in line for line in lines) else len(lines)
+               for name, lines in sources.items()}
     for note in notes:
         exceptional = exceptional_branches(run_gcov(note, root, "--all-blocks"))
         for document in run_gcov(note, root, "--json-format").splitlines():
@@ -98,6 +106,10 @@ def read_counts(notes, root, wanted):
                     if len(flags) != len(line["branches"]):
                         flags = [False] * len(line["branches"])
                     counts = own_branches(line["branches"], flags)
+                    if function is None and number > kernels[name] and len(counts) % KERNEL_COPIES == 0:
+                        # Copies that are inlined everywhere stand behind each other.
+                        each = len(counts) // KERNEL_COPIES
+                        counts = [sum(counts[i::each]) for i in range(each)]
                     key = (places.get(function), len(counts))
                     of_line = found[name][number]
                     of_line[key] = [a + b for a, b in zip(of_line.get(key, [0] * len(counts)), counts)]
