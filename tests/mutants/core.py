@@ -35,7 +35,6 @@ TESTS = {
     "simulated_executor_test": "*",
     "ros1_executor_test": "*",
     "predictor_faults_test": "*",
-    "experiments_test": "StepWatch*:ProblemFromAMovingStart*",
 }
 
 

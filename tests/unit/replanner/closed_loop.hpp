@@ -78,6 +78,7 @@ class FakeExecutor final : public Executor {
     if (is_silent) return fail(ErrorCode::kIo, "no message from the robot");
     Measured measured{state(), now};
     measured.state.q += offset;
+    if (distort) distort(measured);
     return measured;
   }
   [[nodiscard]] Result<void> follow(const Trajectory& trajectory, Stamp start) override {
@@ -92,6 +93,7 @@ class FakeExecutor final : public Executor {
   }
   /// Evenly in every joint: q(t) = q + v (t - t^2 / (2 T)).
   [[nodiscard]] Result<void> stop() override {
+    ++stop_requests;
     if (refuses_to_stop) return fail(ErrorCode::kIo, "no brakes");
     ++stops;
     const RobotState from = state();
@@ -124,6 +126,8 @@ class FakeExecutor final : public Executor {
   bool refuses_to_stop = false;
   int refusals = 0;
   Eigen::Vector3d offset = Eigen::Vector3d::Zero();
+  std::function<void(Measured&)> distort;  ///< What is measured.
+  int stop_requests = 0;
   int stops = 0;
   int follows = 0;
 
@@ -272,7 +276,8 @@ class ClosedLoop {
                                        .predictor = predictor,
                                        .predictor_name = "predictor goes_on",
                                        .other_goal = other_goal,
-                                       .moving_costs = moving_costs},
+                                       .moving_costs = moving_costs,
+                                       .objection = objection},
                       settings_);
   }
 
@@ -324,6 +329,7 @@ class ClosedLoop {
   std::function<std::string()> map_trouble;
   Replanner::PoseProblem pose;
   std::function<std::optional<Eigen::VectorXd>(std::shared_ptr<const DistanceField>)> other_goal;
+  std::function<std::string(const Trajectory&)> objection;
   SnapshotSlot slot;
   std::function<void(const LoopStep&)> note_step;
   QuietLog log;

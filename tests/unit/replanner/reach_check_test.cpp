@@ -6,6 +6,8 @@
 
 #include <gtest/gtest.h>
 
+#include <sidestep/trajectory/splice.hpp>
+
 #include "reach_check.hpp"
 #include "support/ball_robot.hpp"
 
@@ -253,6 +255,70 @@ TEST(ReachCheck, OfContingencySaysNothingOfWhatTheRobotHasPassed) {
   EXPECT_TRUE(reach.first_reach(*contingency, at(0.0), at(0.0)));
   reach.look_at(seen(at_begin, at(2.9)).get(), nullptr);
   EXPECT_FALSE(reach.first_reach(*contingency, at(0.0), at(2.9)));
+}
+
+TEST(ReachCheck, FearsATrackThatMakesNoSenseAnywhere) {
+  detail::ReachCheck reach = reach_check();
+  Tracks tracks = one_track({50.0, 0.0}, {0.3, 0.0});
+  reach.look_at(nullptr, &tracks);
+  EXPECT_TRUE(reach.sees_anything());
+  EXPECT_FALSE(reach.first_reach(cruise(), 0.0, 0.5, at(0.0)));
+  tracks.tracks[0].radius_m = std::nan("");
+  reach.look_at(nullptr, &tracks);
+  EXPECT_TRUE(reach.sees_anything());
+  EXPECT_TRUE(reach.first_reach(cruise(), 0.0, 0.5, at(0.0)));
+  reach.look_at(nullptr, nullptr);
+  EXPECT_FALSE(reach.sees_anything());
+  EXPECT_FALSE(reach.first_reach(cruise(), 0.0, 0.5, at(0.0)));
+}
+
+TEST(ReachCheck, OfThingsWithoutASpeedSeesNothing) {
+  ReplannerSettings settings;
+  settings.obstacle_speed_mps = 0.0;
+  detail::ReachCheck reach(std::make_shared<testing_support::BallRobot>(kBody_m),
+                           {{1.0, 1.0, 1.0}, {1.0, 1.0, 1.0}, {}}, settings);
+  const Tracks tracks = one_track({0.1, 0.0}, {1.0, 0.0});
+  reach.look_at(seen({{0.1, 0.0, 0.0}, 0.3}, at(0.0)).get(), &tracks);
+  EXPECT_FALSE(reach.sees_anything());
+  EXPECT_FALSE(reach.first_reach(cruise(), 0.0, 0.5, at(0.0)));
+}
+
+// The track is 1 m high, and 0.1 m more is as good as in it: what lies in it is a part of it, what
+// sticks out at its top or bottom is not.
+TEST(ReachCheck, CountsWhatMovesAboveOrBelowATrack) {
+  Tracks tracks = one_track({1.2, 0.0}, {1.0, 0.0});
+  Track& track = tracks.tracks[0];
+  track.radius_m = 0.6;
+  track.bottom_m = -0.5;
+  track.top_m = 0.5;
+  detail::ReachCheck reach = reach_check({}, 0.5);
+  for (const double z_m : {0.0, 0.09, -0.09, 0.15, -0.15}) {
+    const Eigen::Vector2d& p = track.position_m;
+    reach.look_at(seen({{p.x(), p.y(), z_m}, 0.5}, at(0.0)).get(), &tracks);
+    EXPECT_EQ(reach.first_reach(cruise(), 0.0, 0.0, at(0.0)).has_value(), std::abs(z_m) > 0.1)
+        << z_m;
+  }
+}
+
+// Without a rest at its end there is no stop on the path: it is straight, 0.32 m and 1.6 s long.
+TEST(ReachCheck, StopsBesideAPathThatEndsTooSoon) {
+  Trajectory motion = cut(cruise(), 0.0, 2.0);
+  detail::ReachCheck reach = reach_check();
+  const auto contingency = reach.contingency(motion, 0.0, 2.0);
+  ASSERT_TRUE(contingency);
+  EXPECT_NEAR(contingency->times_s.back(), 2.0 + kCruise_mps / kBrake_mps2, 1e-3);
+  EXPECT_NEAR(contingency->centres_m.back().x(), 2.0 * kCruise_mps + 0.32, 1e-3);
+}
+
+TEST(ReachCheck, FearsWhateverMovesWhereNoStopCanBeFound) {
+  ReplannerSettings settings;
+  settings.obstacle_speed_mps = kWalk_mps;
+  detail::ReachCheck reach(std::make_shared<testing_support::BallRobot>(kBody_m),
+                           {{1.0, 1.0, 1.0}, {0.0, 0.0, 0.0}, {}}, settings);
+  EXPECT_FALSE(reach.contingency(cruise(), 0.0, 0.5));
+  EXPECT_FALSE(reach.first_reach(cruise(), 0.0, 0.5, at(0.0)));  // nothing moves
+  reach.look_at(seen({{9.0, 9.0, 0.0}, 0.3}, at(0.0)).get(), nullptr);
+  EXPECT_TRUE(reach.first_reach(cruise(), 0.0, 0.5, at(0.0)));
 }
 
 }  // namespace

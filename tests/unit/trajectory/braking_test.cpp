@@ -263,6 +263,26 @@ TEST(Brake, RefusesWhatMakesNoSense) {
   EXPECT_THAT(frozen.error().message, HasSubstr("lift"));
 }
 
+TEST(Brake, RefusesAPathThatEndsWhereItBegins) {
+  EXPECT_FALSE(brake(cruise({1.0}, 1.0), 1.0, {{1.0}, {1.0}, {}}));
+  EXPECT_FALSE(brake(cruise({1.0}, 1.0), 1.0 - 1e-6, {{1.0}, {1.0}, {}}));
+}
+
+TEST(BrakeStraight, RefusesWhatMakesNoSense) {
+  const Eigen::Vector2d two(1.0, 2.0), nan(1.0, std::nan(""));
+  const MotionLimits limits{{1.0, 1.0}, {1.0, 1.0}, {}};
+  EXPECT_TRUE(brake_straight({two, two}, limits));
+  EXPECT_FALSE(brake_straight({two, Eigen::VectorXd::Ones(1)}, limits));
+  EXPECT_FALSE(brake_straight({two, two}, {{1.0}, {1.0}, {}}));
+  EXPECT_FALSE(brake_straight({two, two}, {{1.0, 1.0}, {1.0, 1.0}, {}, {1.0}}));
+  EXPECT_FALSE(brake_straight({Eigen::VectorXd(), Eigen::VectorXd()}, {}));
+  EXPECT_FALSE(brake_straight({nan, two}, limits));
+  EXPECT_FALSE(brake_straight({two, nan}, limits));
+  const auto frozen = brake_straight({two, two}, {{1.0, 1.0}, {1.0, 0.0}, {"x", "lift"}});
+  ASSERT_FALSE(frozen);
+  EXPECT_THAT(frozen.error().message, HasSubstr("lift"));
+}
+
 TEST(BrakeStraight, SlowsAllJointsEvenly) {
   const RobotState state{Eigen::Vector2d(1.0, 2.0), Eigen::Vector2d(0.6, -0.3)};
   const auto stop = brake_straight(state, {{1.0, 1.0}, {2.0, 0.5}, {}});
