@@ -2,6 +2,8 @@
 // that the folder it lies in is named after, or does harm to the process that opens it. What breaks
 // at link time are the words below.
 #include <dlfcn.h>
+#include <sys/resource.h>
+#include <unistd.h>
 
 #include <cfenv>
 #include <chrono>
@@ -34,6 +36,17 @@ std::string fault() {
   return std::filesystem::path(self.dli_fname).parent_path().filename().string();
 }
 
+void lower_limit() {
+  const rlimit none{4, 4};
+  setrlimit(RLIMIT_NOFILE, &none);
+}
+
+void block_signals() {
+  sigset_t all;
+  sigfillset(&all);
+  pthread_sigmask(SIG_SETMASK, &all, nullptr);
+}
+
 /// What libraries do as they are opened, or asked, whose name says `STAGE_HARM`.
 void harm_process(const std::string& stage) {
   const std::string name = fault();
@@ -45,6 +58,18 @@ void harm_process(const std::string& stage) {
   if (how == "quick_exit") std::quick_exit(0);
   if (how == "throw") throw std::runtime_error("not today");
   if (how == "kill") std::raise(SIGKILL);
+  if (how == "alarm") alarm(1);
+  if (how == "fork") (void)!fork();
+  if (how == "limit") lower_limit();
+  if (how == "close") close_range(3, 1000, 0);
+  if (how == "signal") kill(getppid(), SIGTERM);
+  if (how == "mask") block_signals();
+  if (how == "late_abort" || how == "late_exit") {
+    std::thread([how] {
+      std::this_thread::sleep_for(std::chrono::milliseconds(30));
+      how == "late_abort" ? std::abort() : std::exit(0);
+    }).detach();
+  }
   if (how == "hang") {
     for (;;) std::this_thread::sleep_for(std::chrono::hours(1));
   }

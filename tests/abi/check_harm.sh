@@ -35,6 +35,29 @@ refused construct_harm_quick_exit "$exited 0 as it was opened"
 refused construct_harm_throw "$gave_up"
 refused construct_harm_kill "killed by SIGKILL (out of memory?) as it was opened"
 refused construct_harm_hang "takes more than 20 s to be opened"
+refused construct_harm_signal "sends signals to other processes as it was opened"
+refused construct_harm_close "closes files that are not its own as it was opened"
+# What can be put back is.
+for harm in alarm fork limit mask; do
+  code=0
+  SIDESTEP_PLUGIN_PATH=$libraries/construct_harm_$harm "$sidestep" check "$configuration" >"$work/out" 2>"$work/err" || code=$?
+  if [ "$code" -ne 0 ] || [ "$(grep -c . "$work/out")" -ne 1 ]; then
+    echo "$harm: exit code $code"
+    cat "$work/out" "$work/err"
+    failed=1
+  fi
+done
+# A thread of a library's that ends the process later.
+for end in "abort aborted (abort() or an uncaught exception)" "exit $exited 0"; do
+  code=0
+  SIDESTEP_PLUGIN_PATH=$libraries/construct_harm_late_${end%% *} "$sidestep" run "$configuration" --out "$work/late" \
+    >"$work/out" 2>"$work/err" || code=$?
+  if ! grep -qF "construct_harm_late_${end%% *}/plugin.so" "$work/err" || ! grep -qF "${end#* }" "$work/err"; then
+    echo "late ${end%% *}: exit code $code"
+    cat "$work/err"
+    failed=1
+  fi
+done
 for stage in descriptor schema; do
   refused "${stage}_harm_segv" "$crashed"
   refused "${stage}_harm_abort" "$gave_up"

@@ -32,6 +32,8 @@ constexpr std::int64_t kLongestExit_ns = 10 * kSecond_ns;  ///< After the comman
 constexpr std::int64_t kPatience_ns = 2 * kSecond_ns;  ///< After Ctrl-C, before somebody is named.
 
 constexpr std::string_view kExperiment = "experiment ";
+/// Where nothing says that a plugin ended the process.
+constexpr const char* kNobody = "Sidestep";
 
 /// Whether this is to be one process: a sanitizer has things to say as it ends, by its exit code.
 bool is_alone() {
@@ -70,6 +72,14 @@ std::string plugins_on(const PluginBoard& board, std::int64_t before_ns) {
   return text;
 }
 
+/// E.g. "plugin.so, from elsewhere", of those that the installation does not hold.
+std::string foreign_libraries(const PluginBoard& board) {
+  const std::string last(board.last_foreign.view());
+  if (board.foreign_count == 1) return last + ", from elsewhere";
+  return "what is from elsewhere, " + std::to_string(board.foreign_count) +
+         " libraries, of which the last is " + last;
+}
+
 bool is_fault(int signal) {
   constexpr int kFaults[] = {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT, SIGKILL, SIGTRAP, SIGSYS};
   return std::ranges::find(kFaults, signal) != std::end(kFaults);
@@ -78,7 +88,7 @@ bool is_fault(int signal) {
 /// The error that the end of such a process is: a plugin's, where the thread that ended it is known
 /// to have been in one, or nothing is known of it.
 Error error_of_end(const PluginBoard& board, int status) {
-  Error error{ErrorCode::kInternal, manner_of_end(status), "Sidestep", {}, nullptr};
+  Error error{ErrorCode::kInternal, manner_of_end(status), kNobody, {}, nullptr};
   const std::int64_t now_ns = board_time_ns();
   const int faulty = board.faulty;
   const std::string own =
@@ -94,6 +104,9 @@ Error error_of_end(const PluginBoard& board, int status) {
     error.where = "plugin " + (own.empty() ? all : own);
   } else if (!all.empty()) {
     error.message += ", while others were in " + all;
+  }
+  if (error.where == kNobody && board.foreign_count > 0) {
+    error.message += "; opened was " + foreign_libraries(board);
   }
   if (const std::int64_t frames = board.frames; frames > 0) {
     error.message += "; the last frame was " + std::to_string(frames - 1);
@@ -115,6 +128,32 @@ void tell(const Error& error, const PluginBoard& board) {
   log << "error: " << error.describe() << "\n";
 }
 
+/// Refuses the library that ended the process, or all that may have; false where that does not
+/// help.
+bool begins_anew(PluginBoard& board, int status, bool hung_opening, const Error& error) {
+  if (!board.run.view().empty()) return false;
+  const auto count = static_cast<std::size_t>(board.refusal_count);
+  if (!board.opening.view().empty() && count < board.refusals.size()) {
+    PluginBoard::Refusal& refusal = board.refusals[count];
+    refusal.library.set(board.opening.view());
+    refusal.reason.set(
+        hung_opening
+            ? "takes more than 20 s to be opened (SIDESTEP_SUPERVISE=0 waits)"
+            : (board.harm.view().empty() ? manner_of_end(status) : std::string(board.harm.view())) +
+                  " as it was opened");
+    ++board.refusal_count;
+    return true;
+  }
+  if (error.where == kNobody || !board.opening.view().empty()) {
+    if (board.foreign_count == 0 || board.refuses_foreign) return false;
+    board.refuses_foreign = true;
+    std::fprintf(stderr, "%swarning: left out is %s: the command %s\n", line_begin(),
+                 foreign_libraries(board).c_str(), manner_of_end(status).c_str());
+    return true;
+  }
+  return false;
+}
+
 [[noreturn]] void end_by(int signal) {
   sigset_t signals;
   sigemptyset(&signals);
@@ -128,8 +167,7 @@ void tell(const Error& error, const PluginBoard& board) {
 /// Waits for the process that runs the command, and passes on what it is told meanwhile.
 class Supervisor {
  public:
-  Supervisor(const PluginBoard& board, const sigset_t& signals)
-      : board_(board), signals_(signals) {}
+  Supervisor(PluginBoard& board, const sigset_t& signals) : board_(board), signals_(signals) {}
 
   /// The status of its end.
   int wait_for(pid_t process) {
@@ -152,6 +190,11 @@ class Supervisor {
 
  private:
   void hear(int signal, const siginfo_t& heard) {
+    if (heard.si_code == SI_USER && heard.si_pid == process_ && !board_.opening.view().empty()) {
+      board_.harm.set("sends signals to other processes");
+      kill(process_, SIGKILL);
+      return;
+    }
     if (heard.si_code != SI_KERNEL) kill(process_, signal);  // a terminal tells both
     if (told_ == 0) told_ns_ = board_time_ns();
     if (told_ == 0) told_ = signal;
@@ -176,7 +219,7 @@ class Supervisor {
                  plugins.c_str());
   }
 
-  const PluginBoard& board_;
+  PluginBoard& board_;
   const sigset_t& signals_;
   pid_t process_ = -1;
   int told_ = 0;
@@ -197,6 +240,7 @@ int supervise(int (*command)(int, char**), int argc, char** argv) {
   pthread_sigmask(SIG_BLOCK, &signals, &before);
   std::signal(SIGCHLD, SIG_DFL);  // ignored, nobody would be told how the child ended
   Supervisor supervisor(*board, signals);
+  board->is_watched = true;
   for (;;) {
     const pid_t parent = getpid(), process = fork();
     if (process <= 0) pthread_sigmask(SIG_SETMASK, &before, nullptr);
@@ -212,22 +256,15 @@ int supervise(int (*command)(int, char**), int argc, char** argv) {
     }
     const int status = supervisor.wait_for(process);
     if (board->has_ended) return board->exit_code;
-    if (WIFSIGNALED(status) && !is_fault(WTERMSIG(status))) end_by(WTERMSIG(status));
-    const auto refusals = static_cast<std::size_t>(board->refusal_count);
-    const bool can_begin_anew = !board->opening.view().empty() && board->run.view().empty() &&
-                                refusals < board->refusals.size();
+    if (board->harm.view().empty() && WIFSIGNALED(status) && !is_fault(WTERMSIG(status))) {
+      end_by(WTERMSIG(status));
+    }
     if (supervisor.hung_opening() && supervisor.told() != 0) end_by(supervisor.told());
-    if (!can_begin_anew) {
-      const Error error = error_of_end(*board, status);
+    const Error error = error_of_end(*board, status);
+    if (!begins_anew(*board, status, supervisor.hung_opening(), error)) {
       tell(error, *board);
       return static_cast<int>(exit_code(error));
     }
-    PluginBoard::Refusal& refusal = board->refusals[refusals];
-    refusal.library.set(board->opening.view());
-    refusal.reason.set(supervisor.hung_opening()
-                           ? "takes more than 20 s to be opened (SIDESTEP_SUPERVISE=0 waits)"
-                           : manner_of_end(status) + " as it was opened");
-    ++board->refusal_count;
     board->forget_calls();
   }
 }

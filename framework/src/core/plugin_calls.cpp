@@ -87,6 +87,8 @@ void PluginBoard::forget_calls() noexcept {
   frames = 0;
   opening.set("");
   opening_since_ns = 0;
+  harm.set("");
+  foreign_count = 0;
   run.set("");
 }
 

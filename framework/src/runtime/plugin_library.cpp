@@ -17,6 +17,9 @@
 #include <sidestep/core/plugin_calls.hpp>
 #include <sidestep/plugin/plugin.hpp>
 #include <sidestep/runtime/host.hpp>
+#include <sidestep/runtime/install_layout.hpp>
+
+#include "process_state.hpp"
 
 namespace sidestep {
 namespace {
@@ -98,7 +101,7 @@ std::string mismatch(const std::string& field, T plugin, T host) {
 
 /// On the board while a library is opened: its constructors run, whatever they do.
 struct Opening {
-  explicit Opening(const std::filesystem::path& library) {
+  explicit Opening(const std::filesystem::path& opened) : library(opened) {
     board.opening.set(library.native());
     board.opening_since_ns = board_time_ns();
   }
@@ -109,7 +112,18 @@ struct Opening {
   Opening(const Opening&) = delete;
   Opening& operator=(const Opening&) = delete;
 
+  /// Fails where the library did what the process cannot go on with. One that is watched ends.
+  [[nodiscard]] Result<void> undo() const {
+    const std::string harm = before.restore();
+    if (harm.empty()) return {};
+    if (!board.is_watched) return refuse(library, harm);
+    board.harm.set(harm);
+    std::_Exit(EXIT_FAILURE);
+  }
+
+  const std::filesystem::path& library;
   PluginBoard& board = plugin_board();
+  ProcessState before;
   FloatingPointGuard rounding;  ///< One built with -ffast-math would have it changed for all.
 };
 
@@ -195,7 +209,9 @@ std::optional<std::uint32_t> interface_version(PluginKind kind) noexcept {
 Result<Schema> read_schema(const PluginDescriptor& plugin, const std::filesystem::path& library) {
   const Opening opening(library);
   try {
-    return plugin.schema();
+    auto schema = plugin.schema();
+    SIDESTEP_TRY(opening.undo());
+    return schema;
   } catch (const std::exception& exception) {
     return refuse(library, std::string("schema() threw: ") + exception.what());
   } catch (...) {
@@ -223,16 +239,10 @@ tl::unexpected<Error> refuse_unloaded(const std::filesystem::path& library,
                 "name the library that has it: sidestep_add_plugin(... LINK ...)");
 }
 
-Result<std::vector<const PluginDescriptor*>> open_plugin_library(
+namespace {
+
+Result<std::vector<const PluginDescriptor*>> open_descriptors(
     const std::filesystem::path& library) {
-  const Opening opening(library);
-  for (const PluginBoard::Refusal& refusal :
-       std::span(opening.board.refusals)
-           .first(static_cast<std::size_t>(opening.board.refusal_count))) {
-    if (refusal.library.view() == library.native()) {
-      return refuse(library, std::string(refusal.reason.view()));
-    }
-  }
   void* handle = dlopen(library.c_str(), RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE);
   if (handle == nullptr) {
     const char* const reason = dlerror();
@@ -268,6 +278,31 @@ Result<std::vector<const PluginDescriptor*>> open_plugin_library(
                     "holds more than " + std::to_string(kMostPluginsOfLibrary) + " plugins");
     }
     plugins.push_back(descriptor);
+  }
+  return plugins;
+}
+
+}  // namespace
+
+Result<std::vector<const PluginDescriptor*>> open_plugin_library(
+    const std::filesystem::path& library) {
+  const Opening opening(library);
+  PluginBoard& board = opening.board;
+  for (const PluginBoard::Refusal& refusal :
+       std::span(board.refusals).first(static_cast<std::size_t>(board.refusal_count))) {
+    if (refusal.library.view() == library.native()) {
+      return refuse(library, std::string(refusal.reason.view()));
+    }
+  }
+  const bool is_foreign = library.parent_path() != install_layout().plugins;
+  if (is_foreign && board.refuses_foreign) {
+    return refuse(library, "is left out: one like it ended the command after it was opened");
+  }
+  auto plugins = open_descriptors(library);
+  SIDESTEP_TRY(opening.undo());
+  if (is_foreign) {
+    ++board.foreign_count;
+    board.last_foreign.set(library.native());
   }
   return plugins;
 }

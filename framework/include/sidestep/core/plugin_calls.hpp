@@ -46,10 +46,17 @@ struct PluginBoard {
   std::atomic<std::int64_t> frames;  ///< The sequence of the last frame that was mapped, plus 1.
   SharedText<1024> opening;          ///< A library, while it is being opened.
   std::atomic<std::int64_t> opening_since_ns;
+  SharedText<128> harm;         ///< What it did to the process, which ends for that.
   SharedText<1024> run;         ///< Where the run's results go, once there are any.
   std::atomic<bool> has_ended;  ///< By itself; then `exit_code` is its own.
   std::atomic<int> exit_code;
 
+  int foreign_count = 0;  ///< Opened libraries that the installation does not hold.
+  SharedText<1024> last_foreign;
+  bool refuses_foreign = false;
+
+  /// Somebody waits for the process, and begins it anew without a library that did it harm.
+  bool is_watched = false;
   /// Libraries that are not opened any more.
   struct Refusal {
     SharedText<1024> library;
@@ -58,7 +65,7 @@ struct PluginBoard {
   int refusal_count = 0;
   std::array<Refusal, 32> refusals;
 
-  /// Nothing but the refusals is left. [main], while no other process uses it.
+  /// Nothing but what is refused is left. [main], while no other process uses it.
   void forget_calls() noexcept;
 };
 
