@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <stdexcept>
+#include <string>
 #include <thread>
 
 namespace sidestep {
@@ -30,7 +32,7 @@ Log& stderr_log() {
 
 }  // namespace
 
-Session::Session(const RunSettings& settings, Log* log)
+Session::Session(const RunSettings& settings, Log* log, SdkVersion headers)
     : workers_(settings.threads > 0
                    ? settings.threads
                    : std::max(1, static_cast<int>(std::thread::hardware_concurrency()))),
@@ -38,6 +40,15 @@ Session::Session(const RunSettings& settings, Log* log)
                          {install_layout().robots},
                          {install_layout().configs / "scenes"},
                          settings.seed},
-            log != nullptr ? *log : stderr_log(), clock_, workers_, documents_) {}
+            log != nullptr ? *log : stderr_log(), clock_, workers_, documents_) {
+  // While the major version is 0, a minor version may change everything.
+  if (headers.major == kSdkMajor && headers.minor == kSdkMinor) return;
+  const auto text = [](int major, int minor) {
+    return std::to_string(major) + "." + std::to_string(minor);
+  };
+  throw std::runtime_error("this program was built with the headers of Sidestep " +
+                           text(headers.major, headers.minor) + " and loads the libraries of " +
+                           text(kSdkMajor, kSdkMinor) + ": build it anew");
+}
 
 }  // namespace sidestep

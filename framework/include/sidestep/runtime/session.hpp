@@ -20,6 +20,10 @@ class SteadyWallClock final : public Clock {
   [[nodiscard]] Stamp now() const noexcept override;
 };
 
+struct SdkVersion {
+  std::uint16_t major, minor;
+};
+
 /// What a session begins with.
 struct RunSettings {
   std::uint64_t seed = 0;
@@ -30,8 +34,10 @@ struct RunSettings {
 /// A host of the installation's plugins, robots and scenes, and what it lends to them. [main]
 class Session {
  public:
-  /// `log` outlives the session; null: warnings and errors go to stderr.
-  explicit Session(const RunSettings& settings = {}, Log* log = nullptr);
+  /// `log` outlives the session; null: warnings and errors go to stderr. `headers` is what the
+  /// program was built with: throws std::runtime_error where that does not fit the library.
+  explicit Session(const RunSettings& settings = {}, Log* log = nullptr,
+                   SdkVersion headers = {kSdkMajor, kSdkMinor});
 
   /// Host::create() of a block as YAML, e.g. "{plugin: edt, max_distance_m: 0.8}".
   template <class Interface>
