@@ -7,6 +7,7 @@ install(TARGETS sidestep_sdk sidestep_runtime EXPORT SidestepTargets
 install(DIRECTORY framework/include/sidestep DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
 install(EXPORT SidestepTargets NAMESPACE Sidestep::
   DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/Sidestep)
+file(RELATIVE_PATH SIDESTEP_PREFIX_OF_PC /${CMAKE_INSTALL_LIBDIR}/pkgconfig /)
 configure_file(cmake/sidestep.pc.in ${CMAKE_BINARY_DIR}/cmake/sidestep.pc @ONLY)
 install(FILES ${CMAKE_BINARY_DIR}/cmake/sidestep.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
 configure_package_config_file(cmake/SidestepConfig.cmake.in

@@ -37,6 +37,7 @@ case "${1:-}" in
     # the Python module
     packages+=(python3-dev pybind11-dev python3-numpy)
     packages+=(help2man)  # manual pages
+    packages+=(file)  # with which cpack tells what of a package is a program
     ;;
   *)
     echo "usage: tools/install_deps.sh [--packages | --dev]" >&2

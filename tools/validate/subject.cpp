@@ -17,6 +17,10 @@ Result<Node> read_document(const std::filesystem::path& file, const DocumentRead
                            const std::string& kind) {
   std::vector<std::string> keys = {kind, "robot", "expect"};
   auto document = SIDESTEP_TRY(documents.read(file));
+  if (!document.is_map()) {
+    return tl::make_unexpected(
+        document.error("a case is a map with the block '" + kind + "', found " + document.kind()));
+  }
   for (const Node::Entry& entry : document.entries()) {
     if (std::ranges::find(keys, entry.key) != keys.end()) continue;
     return tl::make_unexpected(
