@@ -99,13 +99,20 @@ TEST_F(ViewCommandTest, AnAddressOfOnesOwnNeedsAToken) {
   write_page();
   CommandLine command({"run", kConfigs + "tiny.yaml", "--out", out(), "--view", "--open",
                        "--view-bind", "127.0.0.1"});
-  const std::string url = asked_url();
+  // Command lines are for all to see: the browser is asked for a file of this user's alone.
+  const fs::path doorway = asked_url();
+  ASSERT_EQ(fs::status(doorway).permissions(), fs::perms::owner_read | fs::perms::owner_write);
+  std::ifstream in(doorway);
+  const std::string page{std::istreambuf_iterator<char>(in), {}};
+  const std::size_t begin = page.find("url=") + 4;
+  const std::string url = page.substr(begin, page.find('"', begin) - begin);
   const std::size_t mark = url.find("?token=");
   ASSERT_NE(mark, std::string::npos) << url;
   const unsigned short port = port_of(url);
   EXPECT_EQ(SocketClient(port).ask_for_socket("/socket"), 403);
   EXPECT_EQ(SocketClient(port).ask_for_socket("/socket" + url.substr(mark)), 101);
   EXPECT_EQ(command.wait().exit_code, 0);
+  EXPECT_FALSE(fs::exists(doorway));
 }
 
 TEST_F(ViewCommandTest, WithoutAPageSaysHowToGetOne) {

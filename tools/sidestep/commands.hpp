@@ -107,12 +107,35 @@ struct ViewOptions {
   bool open = false;                ///< In a browser.
 };
 
+/// A file, readable by this user alone, that leads a browser to a URL with a token: command lines
+/// are for all users to see.
+class Doorway {
+ public:
+  /// In $XDG_RUNTIME_DIR, or else where temporary files are. Fails with kIo.
+  [[nodiscard]] static Result<std::unique_ptr<Doorway>> make(const std::string& url);
+  /// Removes the file.
+  ~Doorway();
+  Doorway(const Doorway&) = delete;
+  Doorway& operator=(const Doorway&) = delete;
+
+  [[nodiscard]] const std::string& file() const noexcept { return file_; }
+
+ private:
+  explicit Doorway(std::string file) : file_(std::move(file)) {}
+  std::string file_;
+};
+
+struct ServedView {
+  std::unique_ptr<ViewServer> server;
+  std::unique_ptr<Doorway> doorway;  ///< Null where no browser was asked for, or no token is.
+};
+
 /// Serves the page with what comes through the server, or with a recording; prints its URL, and
 /// opens it where that is asked for. With `desk`, the sphere editor's page instead. Fails as
 /// ViewAssets::read() and ViewServer::start() do.
-[[nodiscard]] Result<std::unique_ptr<ViewServer>> serve_view(const ViewOptions& options, Log& log,
-                                                             RecordingOpener recording = {},
-                                                             PageRequestHandler* desk = nullptr);
+[[nodiscard]] Result<ServedView> serve_view(const ViewOptions& options, Log& log,
+                                            RecordingOpener recording = {},
+                                            PageRequestHandler* desk = nullptr);
 
 /// The viewer of a command that runs experiments.
 class LiveView {
@@ -124,13 +147,13 @@ class LiveView {
   ~LiveView();
 
   /// For the messages of the runs.
-  [[nodiscard]] ViewSink& sink() noexcept { return *server_; }
+  [[nodiscard]] ViewSink& sink() noexcept { return *view_.server; }
 
  private:
   LiveView() = default;
 
   Console console_;
-  std::unique_ptr<ViewServer> server_;
+  ServedView view_;
 };
 
 struct RunOptions {
