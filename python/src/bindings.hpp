@@ -25,14 +25,19 @@
 #include <sidestep/runtime/session.hpp>
 #include <sidestep/runtime/snapshot_slot.hpp>
 
+#include "lock.hpp"
+
 /// What the parts of the Python module share. Interfaces of the SDK are bound as they are; what
 /// blocks and configurations are in C++ are dicts here.
 
 namespace sidestep::python {
 
-namespace py = pybind11;
-
-using Doubles = py::array_t<double, py::array::c_style | py::array::forcecast>;
+/// Numbers as rows of doubles. As an argument it takes what doubles_of() takes.
+using DoubleRows = py::array_t<double, py::array::c_style | py::array::forcecast>;
+struct Doubles : DoubleRows {
+  using DoubleRows::DoubleRows;
+  Doubles(DoubleRows rows) : DoubleRows(std::move(rows)) {}  // NOLINT(google-explicit-constructor)
+};
 
 /// An error as the exception sidestep.Error.
 [[nodiscard]] py::object exception_of(const Error& error);
@@ -50,7 +55,7 @@ T need(Result<T>&& result) {
 template <class Call>
 auto unlocked(const std::string& what, Call&& call) {
   auto result = [&] {
-    const py::gil_scoped_release release;
+    const Unlocked release;
     return catch_all(what, std::forward<Call>(call));
   }();
   return need(std::move(result));
@@ -84,16 +89,36 @@ template <class Settings>
                                                const RobotDescription& robot,
                                                const std::string& mark);
 
-/// Raises TypeError, naming `what`, for anything but numbers.
-[[nodiscard]] Doubles doubles_of(const py::handle& value, const char* what);
-/// Raises ValueError, naming `what`, unless the array has `columns` columns; its rows.
-[[nodiscard]] py::ssize_t rows_of(const Doubles& array, py::ssize_t columns, const char* what);
-
 /// E.g. "3 x 1 x 7".
 [[nodiscard]] std::string shape_text(std::span<const py::ssize_t> shape);
 [[nodiscard]] inline std::string shape_text(const Doubles& array) {
   return shape_text({array.shape(), static_cast<std::size_t>(array.ndim())});
 }
+
+/// Raises TypeError, naming `what`, for anything but whole or real numbers: truth values, complex
+/// numbers and objects are none.
+[[nodiscard]] py::array numbers_of(const py::handle& value, const std::string& what);
+[[nodiscard]] Doubles doubles_of(const py::handle& value, const std::string& what);
+/// Raises ValueError, naming `what`, unless the array has that shape.
+template <class Matrix>
+[[nodiscard]] Matrix matrix_of(const Doubles& array, const char* what) {
+  constexpr py::ssize_t kRows = Matrix::RowsAtCompileTime, kColumns = Matrix::ColsAtCompileTime;
+  Matrix matrix;
+  if (kColumns == 1 ? array.ndim() != 1 || array.size() != kRows
+                    : array.ndim() != 2 || array.shape(0) != kRows || array.shape(1) != kColumns) {
+    throw py::value_error(std::string(what) + " has to be " + std::to_string(kRows) +
+                          (kColumns == 1 ? "" : " x " + std::to_string(kColumns)) +
+                          " numbers, and is " + shape_text(array));
+  }
+  for (Eigen::Index i = 0; i < matrix.size(); ++i) {
+    matrix(i / kColumns, i % kColumns) = array.data()[i];
+  }
+  return matrix;
+}
+/// A time as a stamp; raises ValueError, naming `what`, for what is none.
+[[nodiscard]] Stamp stamp_of(double time_s, const char* what);
+/// Raises ValueError, naming `what`, unless the array has `columns` columns; its rows.
+[[nodiscard]] py::ssize_t rows_of(const Doubles& array, py::ssize_t columns, const char* what);
 
 /// The voxels of a field; raises where it has none.
 [[nodiscard]] const DenseField& dense(const DistanceField& field);
@@ -118,47 +143,15 @@ template <class Interface, class... Kept>
   return std::shared_ptr<Interface>(holder, holder->object.get());
 }
 
-/// An object of Python's, let go of with Python's lock, whoever does so.
-class Held {
- public:
-  explicit Held(py::object object) : object_(std::move(object)) {}
-  ~Held() {
-    const py::gil_scoped_acquire lock;
-    object_.release().dec_ref();
-  }
-  Held(const Held&) = delete;
-  Held& operator=(const Held&) = delete;
-
-  [[nodiscard]] const py::object& get() const noexcept { return object_; }
-
- private:
-  py::object object_;
-};
-
-/// How many methods of Python's this thread is in.
-inline thread_local int python_depth = 0;
-
-/// A method of a Python object's, called with Python's lock. An interrupt goes on to whoever called
-/// into the module, too.
-template <class... Arguments>
-py::object called(const py::object& self, const char* method, Arguments&&... arguments) {
-  struct Depth {
-    Depth() { ++python_depth; }
-    ~Depth() { --python_depth; }
-  } const within;
-  try {
-    return self.attr(method)(std::forward<Arguments>(arguments)...);
-  } catch (const py::error_already_set& error) {
-    (void)error.what();  // kept, since to put it into words would use up the interrupt
-    if (error.matches(PyExc_KeyboardInterrupt)) PyErr_SetInterrupt();
-    throw;
-  }
-}
-
 /// The kind of a Python object and its class, e.g. "cost Wrist".
 [[nodiscard]] inline std::string name_of(const py::object& self, const char* kind) {
   return std::string(kind) + " " + std::string(py::str(py::type::of(self).attr("__name__")));
 }
+
+/// Raises TypeError for anything but an object of a class derived from sidestep.`of`, or of one
+/// that has what that has.
+void need_object(const py::object& value, const char* of,
+                 std::initializer_list<const char*> members);
 
 /// An object of a Python class, as the host hands out a plugin's, and named after its class.
 template <class Interface, class Adapter, class... More>
@@ -210,7 +203,8 @@ template <class Interface, class Adapter, class... More>
                                            const py::object& value, const char* key,
                                            const char* kind, const char* method, More&&... more) {
   if (value.is_none()) return nullptr;
-  if (py::hasattr(value, method)) {
+  if (!py::isinstance<py::str>(value) && !py::isinstance<py::dict>(value)) {
+    need_object(value, Adapter::kClass, {method});
     return made_of<Interface, Adapter>(value, kind, std::forward<More>(more)...);
   }
   const Node node = block_of(value, key);
@@ -233,8 +227,20 @@ template <class Interface, class Adapter, class... More>
 
 void bind_robots(py::module_& module, py::class_<Session, SessionPtr>& session);
 void bind_maps(py::module_& module, py::class_<Session, SessionPtr>& session);
+void bind_fields(py::module_& module);
 void bind_perception(py::module_& module);
 void bind_planning(py::module_& module, py::class_<Session, SessionPtr>& session);
 void bind_loops(py::module_& module, py::class_<Session, SessionPtr>& session);
 
 }  // namespace sidestep::python
+
+template <>
+struct pybind11::detail::type_caster<sidestep::python::Doubles> {
+  PYBIND11_TYPE_CASTER(sidestep::python::Doubles,
+                       handle_type_name<sidestep::python::DoubleRows>::name);
+
+  bool load(handle from, bool /*convert*/) {
+    value = sidestep::python::doubles_of(from, "what is given");
+    return true;
+  }
+};

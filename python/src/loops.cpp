@@ -20,22 +20,22 @@ class PythonExecutor : public Executor {
   explicit PythonExecutor(py::object self) : self_(std::move(self)) {}
 
   Result<Measured> current() override {
-    const py::gil_scoped_acquire lock;
+    const Locked lock;
     const py::object state = called(self_.get(), "current");
     if (!py::isinstance<py::tuple>(state) || py::len(state) != 3) {
       throw py::type_error("current() has to return positions, velocities and a time");
     }
     const py::tuple items = state;
     return Measured{{values_of(items[0], "positions"), values_of(items[1], "velocities")},
-                    Stamp::from_seconds(items[2].cast<double>())};
+                    stamp_of(items[2].cast<double>(), "the time that current() returns")};
   }
   Result<void> follow(const Trajectory& trajectory, Stamp start) override {
-    const py::gil_scoped_acquire lock;
+    const Locked lock;
     called(self_.get(), "follow", trajectory, start.seconds());
     return {};
   }
   Result<void> stop() override {
-    const py::gil_scoped_acquire lock;
+    const Locked lock;
     called(self_.get(), "stop");
     return {};
   }
@@ -61,14 +61,14 @@ class PythonHead final : public PythonExecutor, public HeadTurner {
 
   Result<void> turn_head(const HeadAngles& to) override {
     return noted(fault_, name_, [&]() -> Result<void> {
-      const py::gil_scoped_acquire lock;
+      const Locked lock;
       called(self(), "turn_head", to.pan_rad, to.tilt_rad);
       return {};
     });
   }
   Result<HeadAngles> head() {
     return noted(fault_, name_, [&]() -> Result<HeadAngles> {
-      const py::gil_scoped_acquire lock;
+      const Locked lock;
       return angles_of(called(self(), "head"), "head");
     });
   }
@@ -120,17 +120,18 @@ class Loop {
   }
   /// Whoever watches may be in Python.
   ~Loop() {
-    const py::gil_scoped_release release;
+    const Unlocked release;
     watch_.reset();
   }
 
   std::vector<ReplannerEvent> step(double now_s, const SnapshotPtr& seen) {
+    const Stamp now = stamp_of(now_s, "now_s");
     return unlocked("loop", [&]() -> Result<std::vector<ReplannerEvent>> {
       const auto lock = SIDESTEP_TRY(
           alone_.enter("a loop cannot be stepped by its own robot, predictor or gaze"));
       if (seen) SIDESTEP_TRY(check(*seen));
       if (seen) parts_->slot.publish(seen->map);
-      now_ = Stamp::from_seconds(now_s);
+      now_ = now;
       if (watch_) watch_->begin();
       status_ = replanner_.step(now_, events_);
       if (gaze_ && gaze_->is_due(now_)) turn_head();
@@ -140,10 +141,11 @@ class Loop {
     });
   }
   std::vector<ReplannerEvent> stop(double now_s, const std::string& cause) {
+    const Stamp now = stamp_of(now_s, "now_s");
     return unlocked("loop", [&]() -> Result<std::vector<ReplannerEvent>> {
       const auto lock = SIDESTEP_TRY(
           alone_.enter("a loop cannot be stopped by its own robot, predictor or gaze"));
-      now_ = Stamp::from_seconds(now_s);
+      now_ = now;
       replanner_.stop(now_, cause, events_);
       return std::exchange(events_, {});
     });
@@ -241,6 +243,7 @@ std::shared_ptr<Loop> make_loop(const SessionPtr& session, const RobotPtr& robot
                                 const py::object& planning, const py::object& replanner,
                                 bool wall_clock, const py::object& predictor,
                                 const py::object& gaze) {
+  need_object(executor, "Executor", {});
   for (const char* const method : {"current", "follow", "stop", "head", "turn_head"}) {
     const bool is_of_head = std::string_view(method).ends_with("head");
     if (!py::hasattr(executor, method) && (!is_of_head || !gaze.is_none())) {
@@ -267,16 +270,21 @@ std::shared_ptr<Loop> make_loop(const SessionPtr& session, const RobotPtr& robot
 void bind_loops(py::module_& module, py::class_<Session, SessionPtr>& session) {
   using Event = ReplannerEvent;
   py::class_<Event>(module, "Event", "Something that a loop did or saw.")
-      .def_property_readonly("kind",
-                             [](const Event& event) { return std::string(to_string(event.kind)); })
+      .def_property_readonly(
+          "kind", [](const Event& event) { return std::string(to_string(event.kind)); },
+          "\"planned\", \"replanned\", \"replan_failed\", \"slowed\", \"stopped\", "
+          "\"recovered\" or \"reached\".")
       .def_property_readonly(
           "reason", [](const Event& event) { return std::string(to_string(event.reason)); },
           "The category of `cause`.")
-      .def_property_readonly("stamp_s", [](const Event& event) { return event.stamp.seconds(); })
+      .def_property_readonly(
+          "stamp_s", [](const Event& event) { return event.stamp.seconds(); },
+          "When, in s, on the clock of Loop.step().")
       .def_readonly("cause", &Event::cause, "Why, in words.")
       .def_readonly("guess", &Event::guess, "The first guess that led to a trajectory.")
       .def_readonly("tried", &Event::tried, "First guesses that were tried, in order.")
-      .def_readonly("solve_ms", &Event::solve_ms, "Of plans and replans: all attempts.")
+      .def_readonly("solve_ms", &Event::solve_ms,
+                    "Of plans and replans: all attempts, wall time in ms.")
       .def("__repr__", [](const Event& event) {
         return "<" + std::string(to_string(event.kind)) + " at " +
                std::to_string(event.stamp.seconds()) + " s: " + event.cause + ">";

@@ -30,20 +30,44 @@ Transform transform_of(const Eigen::Matrix4d& matrix, const char* what) {
   return transform;
 }
 
-Frame make_frame(const py::array_t<float, py::array::c_style | py::array::forcecast>& depth_m,
-                 const CameraIntrinsics& camera, const Eigen::Matrix4d& T_world_camera,
-                 double stamp_s, const std::optional<Eigen::VectorXd>& joint_positions) {
+/// Depth in m, float32. Whole numbers are some other unit's, and what is all below 0 another
+/// axis's.
+py::array_t<float, py::array::c_style> depth_in_m(const py::object& given) {
+  const py::array numbers = numbers_of(given, "depth_m");
+  if (numbers.dtype().kind() != 'f') {
+    throw py::type_error("depth_m has to be float32 or float64, in m, and is of type " +
+                         std::string(py::str(numbers.dtype())) + ": divide millimetres by 1000");
+  }
+  const auto depth_m =
+      py::array_t<float, py::array::c_style | py::array::forcecast>::ensure(numbers);
+  if (!depth_m) throw std::bad_alloc();
+  const std::span pixels(depth_m.data(), static_cast<std::size_t>(depth_m.size()));
+  if (!pixels.empty() && std::ranges::all_of(pixels, [](float d_m) { return d_m < 0.0F; })) {
+    throw py::value_error("depth_m is below 0 everywhere: it counts from the camera ahead");
+  }
+  return depth_m;
+}
+
+Frame make_frame(const py::object& depth, const CameraIntrinsics& camera,
+                 const Doubles& T_world_camera, double stamp_s,
+                 const std::optional<Doubles>& joint_positions) {
+  const auto depth_m = depth_in_m(depth);
   if (depth_m.ndim() != 2 || depth_m.shape(0) != camera.height_px ||
       depth_m.shape(1) != camera.width_px) {
     throw py::value_error("depth_m has to be " + std::to_string(camera.height_px) + " x " +
                           std::to_string(camera.width_px) + ", rows of the camera's image");
   }
   Frame frame;
-  frame.stamp = Stamp::from_seconds(stamp_s);
-  frame.T_world_camera = transform_of(T_world_camera, "T_world_camera");
+  frame.stamp = stamp_of(stamp_s, "stamp_s");
+  frame.T_world_camera =
+      transform_of(matrix_of<Eigen::Matrix4d>(T_world_camera, "T_world_camera"), "T_world_camera");
   frame.measurement =
       DepthImage{camera, std::vector<float>(depth_m.data(), depth_m.data() + depth_m.size())};
-  frame.joint_positions = joint_positions;
+  if (joint_positions) {
+    if (joint_positions->ndim() != 1) throw py::value_error("joint_positions are one array");
+    frame.joint_positions =
+        Eigen::Map<const Eigen::VectorXd>(joint_positions->data(), joint_positions->size());
+  }
   return frame;
 }
 
@@ -74,7 +98,7 @@ struct Frames {
   std::shared_ptr<Frame> next() {
     for (;;) {
       auto frame = [&] {
-        const py::gil_scoped_release release;
+        const Unlocked release;
         const std::scoped_lock lock(mutex);
         return catch_all("source", [&] { return source->next(Deadline::after_s(kPatience_s)); });
       }();
@@ -207,78 +231,12 @@ py::array_t<bool> bits_of(Map& map, VoxelBits (OccupancyView::*which)() const no
   const Eigen::Vector3i size = view.occupancy_grid().size_vox;
   py::array_t<bool> result({size.x(), size.y(), size.z()});
   auto into = result.mutable_unchecked<3>();
-  const py::gil_scoped_release release;
+  const Unlocked release;
   const std::scoped_lock lock(map.mutex);
   const VoxelBits bits = (view.*which)();
   for (int k = 0; k < size.z(); ++k) {
     for (int j = 0; j < size.y(); ++j) {
       for (int i = 0; i < size.x(); ++i) into(i, j, k) = bits.at(view.occupancy_grid(), {i, j, k});
-    }
-  }
-  return result;
-}
-
-struct FieldQuery {
-  py::array_t<double> distances_m, gradients;
-  py::array_t<std::uint8_t> statuses;
-};
-
-FieldQuery query(const DistanceField& field, const Doubles& points_m, bool wants_all) {
-  const py::ssize_t n = rows_of(points_m, 3, "points_m");
-  const auto count = static_cast<std::size_t>(n);
-  FieldQuery result{py::array_t<double>(n), py::array_t<double>({n, py::ssize_t{3}}),
-                    py::array_t<std::uint8_t>(n)};
-  static_assert(sizeof(Eigen::Vector3d) == 3 * sizeof(double) && sizeof(FieldStatus) == 1);
-  const std::span points(reinterpret_cast<const Eigen::Vector3d*>(points_m.data()), count);
-  const std::span gradients(reinterpret_cast<Eigen::Vector3d*>(result.gradients.mutable_data()),
-                            wants_all ? count : 0);
-  const std::span statuses(reinterpret_cast<FieldStatus*>(result.statuses.mutable_data()),
-                           wants_all ? count : 0);
-  const std::span distances(result.distances_m.mutable_data(), count);
-  const py::gil_scoped_release release;
-  field.query(points, distances, gradients, statuses);
-  return result;
-}
-
-/// A block's values, z, y and x as in memory turned to x, y and z, cut off at the grid's end.
-py::array block(const py::object& self, int i, int j, int k) {
-  const DenseField& field = dense(self.cast<const DistanceField&>());
-  const Eigen::Vector3i at(i, j, k), counts = block_counts(field.info().grid);
-  if ((at.array() < 0).any() || (at.array() >= counts.array()).any()) {
-    throw py::index_error("the field has " + std::to_string(counts.x()) + " x " +
-                          std::to_string(counts.y()) + " x " + std::to_string(counts.z()) +
-                          " blocks");
-  }
-  const Eigen::Vector3i size =
-      (field.info().grid.size_vox - kBlockSide_vox * at).cwiseMin(kBlockSide_vox);
-  const auto& values =
-      field.blocks().block(static_cast<std::size_t>(block_linear(at, counts))).distance_m;
-  constexpr py::ssize_t kX = sizeof(float), kY = kX * kBlockSide_vox, kZ = kY * kBlockSide_vox;
-  py::array view(py::dtype::of<float>(), {size.x(), size.y(), size.z()}, {kX, kY, kZ},
-                 values.data(), self);
-  view.attr("setflags")(py::arg("write") = false);
-  return view;
-}
-
-py::array_t<float> distances(const DistanceField& self) {
-  const DenseField& field = dense(self);
-  const GridSpec& grid = field.info().grid;
-  const Eigen::Vector3i size = grid.size_vox, counts = block_counts(grid);
-  py::array_t<float, py::array::f_style> result({size.x(), size.y(), size.z()});
-  float* into = result.mutable_data();
-  const py::gil_scoped_release release;
-  for (int k = 0; k < size.z(); ++k) {
-    for (int j = 0; j < size.y(); ++j) {
-      for (int b = 0; b < counts.x(); ++b) {
-        const auto& values = field.blocks()
-                                 .block(static_cast<std::size_t>(block_linear(
-                                     {b, j / kBlockSide_vox, k / kBlockSide_vox}, counts)))
-                                 .distance_m;
-        const int row =
-            kBlockSide_vox * (j % kBlockSide_vox + kBlockSide_vox * (k % kBlockSide_vox));
-        const int count = std::min(kBlockSide_vox, size.x() - kBlockSide_vox * b);
-        into = std::copy_n(values.data() + row, count, into);
-      }
     }
   }
   return result;
@@ -300,22 +258,18 @@ Scene make_scene(const SessionPtr& session, const py::object& value,
   return seed ? need(scene.drawn(*seed)) : scene;
 }
 
-std::shared_ptr<DistanceField> scene_field(const Scene& scene, const Eigen::Vector3d& lower_m,
-                                           const Eigen::Vector3d& upper_m, double time_s) {
+std::shared_ptr<DistanceField> scene_field(const Scene& scene, const Doubles& lower,
+                                           const Doubles& upper, double time_s) {
+  const auto lower_m = matrix_of<Eigen::Vector3d>(lower, "lower_m");
+  const auto upper_m = matrix_of<Eigen::Vector3d>(upper, "upper_m");
   if (!(lower_m.array() < upper_m.array()).all()) {
     throw py::value_error("lower_m has to be below upper_m along each axis");
   }
-  return std::make_shared<SceneField>(scene, Stamp::from_seconds(time_s),
+  return std::make_shared<SceneField>(scene, stamp_of(time_s, "time_s"),
                                       Eigen::AlignedBox3d(lower_m, upper_m));
 }
 
 }  // namespace
-
-const DenseField& dense(const DistanceField& field) {
-  const auto* blocks = dynamic_cast<const DenseField*>(&field);
-  if (blocks != nullptr) return *blocks;
-  raise({ErrorCode::kUnsupported, "this field has no voxels", {}, {}, nullptr});
-}
 
 void bind_maps(py::module_& module, py::class_<Session, SessionPtr>& session) {
   py::class_<CameraIntrinsics>(
@@ -329,38 +283,45 @@ void bind_maps(py::module_& module, py::class_<Session, SessionPtr>& session) {
            }),
            py::arg("width_px"), py::arg("height_px"), py::arg("fx_px"), py::arg("fy_px"),
            py::arg("cx_px"), py::arg("cy_px"))
-      .def_readonly("width_px", &CameraIntrinsics::width_px)
-      .def_readonly("height_px", &CameraIntrinsics::height_px)
-      .def_readonly("fx_px", &CameraIntrinsics::fx_px)
-      .def_readonly("fy_px", &CameraIntrinsics::fy_px)
-      .def_readonly("cx_px", &CameraIntrinsics::cx_px)
-      .def_readonly("cy_px", &CameraIntrinsics::cy_px);
+      .def_readonly("width_px", &CameraIntrinsics::width_px, "Columns of its image.")
+      .def_readonly("height_px", &CameraIntrinsics::height_px, "Rows of its image.")
+      .def_readonly("fx_px", &CameraIntrinsics::fx_px, "Focal length along columns, in pixels.")
+      .def_readonly("fy_px", &CameraIntrinsics::fy_px, "Focal length along rows, in pixels.")
+      .def_readonly("cx_px", &CameraIntrinsics::cx_px,
+                    "Column of the optical axis; that of the first pixel's centre is 0.")
+      .def_readonly("cy_px", &CameraIntrinsics::cy_px,
+                    "Row of the optical axis; that of the first pixel's centre is 0.");
 
   py::class_<Frame, std::shared_ptr<Frame>>(module, "Frame",
                                             "One measurement, and where its sensor was.")
       .def(py::init(&make_frame), py::arg("depth_m"), py::arg("camera"), py::arg("T_world_camera"),
            py::arg("stamp_s") = 0.0, py::arg("joint_positions") = std::nullopt,
-           "A depth image (height x width, m along the optical axis, 0 or NaN where nothing came "
-           "back; copied) of a camera at a pose (4 x 4, its optical frame).")
-      .def_readonly("sequence", &Frame::sequence)
-      .def_property_readonly("stamp_s", [](const Frame& f) { return f.stamp.seconds(); })
+           "A depth image (height x width, float32 or float64, m along the optical axis, 0 or NaN "
+           "where nothing came back; copied) of a camera at a pose (4 x 4, its optical frame).")
+      .def_readonly("sequence", &Frame::sequence, "Its number within its source, from 0.")
+      .def_property_readonly(
+          "stamp_s", [](const Frame& f) { return f.stamp.seconds(); },
+          "When it was taken, in s, on its source's clock.")
       .def_property_readonly(
           "T_world_camera",
-          [](const Frame& f) { return Eigen::Matrix4d(f.T_world_camera.matrix()); })
+          [](const Frame& f) { return Eigen::Matrix4d(f.T_world_camera.matrix()); },
+          "The sensor's pose, 4 x 4: a camera's optical frame (z ahead, x right, y down).")
       .def_property_readonly(
           "camera",
           [](const Frame& f) -> std::optional<CameraIntrinsics> {
             const auto* image = std::get_if<DepthImage>(&f.measurement);
             return image != nullptr ? std::optional(image->camera) : std::nullopt;
           },
-          "None of a point cloud.")
-      .def_readonly("joint_positions", &Frame::joint_positions, "Or None.")
-      .def_property_readonly("depth_m", &depth_of,
-                             "height x width, float32: a view that cannot be written; None of a "
-                             "point cloud.")
+          "The image's Camera; None of a point cloud.")
+      .def_readonly("joint_positions", &Frame::joint_positions,
+                    "Of the robot at that time, dof values in m or rad; or None.")
+      .def_property_readonly(
+          "depth_m", &depth_of,
+          "height x width, float32, in m: a view that cannot be written; None of a "
+          "point cloud.")
       .def_property_readonly(
           "points_m", &points_of,
-          "n x 3, float32, in the sensor's frame: a view that cannot be written; "
+          "n x 3, float32, in m, in the sensor's frame: a view that cannot be written; "
           "None of an image.");
 
   py::class_<Frames, std::shared_ptr<Frames>>(
@@ -376,56 +337,6 @@ void bind_maps(py::module_& module, py::class_<Session, SessionPtr>& session) {
       .def_readonly("bad_frames", &Frames::bad_frames,
                     "A sidestep.Error for each frame passed over.");
 
-  py::class_<GridSpec>(module, "Grid",
-                       "Cubic voxels; voxel (i, j, k) has its centre at origin_m + (i + 0.5, j + "
-                       "0.5, k + 0.5) * resolution_m.")
-      .def_readonly("origin_m", &GridSpec::origin_m)
-      .def_readonly("resolution_m", &GridSpec::resolution_m)
-      .def_property_readonly("size_vox", [](const GridSpec& grid) {
-        return std::array{grid.size_vox.x(), grid.size_vox.y(), grid.size_vox.z()};
-      });
-
-  py::class_<DistanceField, std::shared_ptr<DistanceField>>(
-      module, "DistanceField",
-      "The distance to the nearest obstacle, as one snapshot that never changes.")
-      .def(
-          "distance",
-          [](const DistanceField& f, const Doubles& p) { return query(f, p, false).distances_m; },
-          py::arg("points_m"), "Of n x 3 points in the world: n, in m.")
-      .def(
-          "query",
-          [](const DistanceField& f, const Doubles& p) {
-            FieldQuery all = query(f, p, true);
-            return py::make_tuple(all.distances_m, all.gradients, all.statuses);
-          },
-          py::arg("points_m"),
-          "Distances (n, m), gradients (n x 3) and statuses (n: KNOWN, UNKNOWN or OUTSIDE).")
-      .def_property_readonly("grid", [](const DistanceField& f) { return f.info().grid; })
-      .def_property_readonly(
-          "sequence", [](const DistanceField& f) { return f.info().sequence; },
-          "Updates that went into it.")
-      .def_property_readonly("stamp_s",
-                             [](const DistanceField& f) { return f.info().stamp.seconds(); })
-      .def_property_readonly(
-          "max_distance_m", [](const DistanceField& f) { return f.info().max_distance_m; },
-          "Distances are cut off here.")
-      .def_property_readonly(
-          "block_counts",
-          [](const DistanceField& f) {
-            const Eigen::Vector3i n = block_counts(dense(f).info().grid);
-            return std::array{n.x(), n.y(), n.z()};
-          },
-          "Blocks of 16 x 16 x 16 voxels along each axis.")
-      .def("block", &block, py::arg("i"), py::arg("j"), py::arg("k"),
-           "Distances at the centres of a block's voxels: a view that cannot be written and keeps "
-           "the field. Fields share the blocks that did not change.")
-      .def("distances", &distances,
-           "Distances at the centres of all voxels, nx x ny x nz, float32: a copy, of 4 bytes a "
-           "voxel.");
-  module.attr("KNOWN") = static_cast<int>(FieldStatus::kKnown);
-  module.attr("UNKNOWN") = static_cast<int>(FieldStatus::kUnknown);
-  module.attr("OUTSIDE") = static_cast<int>(FieldStatus::kOutside);
-
   py::class_<Map, std::shared_ptr<Map>>(module, "Map", "A mapper and the field made of it.")
       .def(
           "integrate",
@@ -439,12 +350,14 @@ void bind_maps(py::module_& module, py::class_<Session, SessionPtr>& session) {
       .def_property_readonly("snapshot", &Map::snapshot,
                              "After the newest frame, with what moves and is tracked as far as "
                              "`motion` says; None before the first. It waits for nothing.")
-      .def_property_readonly("grid",
-                             [](Map& map) {
-                               const py::gil_scoped_release release;
-                               const std::scoped_lock lock(map.mutex);
-                               return map.mapper->grid();
-                             })
+      .def_property_readonly(
+          "grid",
+          [](Map& map) {
+            const Unlocked release;
+            const std::scoped_lock lock(map.mutex);
+            return map.mapper->grid();
+          },
+          "The mapper's voxels, world frame.")
       .def(
           "occupied", [](Map& map) { return bits_of(map, &OccupancyView::occupied); },
           "nx x ny x nz, of bool; a copy.")
@@ -455,15 +368,20 @@ void bind_maps(py::module_& module, py::class_<Session, SessionPtr>& session) {
   py::class_<Scene, std::shared_ptr<Scene>>(module, "Scene",
                                             "A world whose shapes are known exactly.")
       .def_property_readonly(
-          "objects", [](const Scene& scene) { return names_of(scene.objects()); }, "Names.")
+          "objects", [](const Scene& scene) { return names_of(scene.objects()); },
+          "Names of its objects.")
       .def(
           "signed_distance",
-          [](const Scene& scene, const Eigen::Vector3d& point_m, double time_s) {
-            return scene.signed_distance(point_m, time_s).distance_m;
+          [](const Scene& scene, const Doubles& point_m, double time_s) {
+            const auto p_m = matrix_of<Eigen::Vector3d>(point_m, "point_m");
+            return scene.signed_distance(p_m, time_s).distance_m;
           },
-          py::arg("point_m"), py::arg("time_s") = 0.0, "Exact, in m; below 0 inside an object.")
+          py::arg("point_m"), py::arg("time_s") = 0.0,
+          "Of a point in m, world frame: exact, in m; below 0 inside an object.")
       .def("field", &scene_field, py::arg("lower_m"), py::arg("upper_m"), py::arg("time_s") = 0.0,
-           "Exact distances to the scene as it is at one time, within a box.");
+           "Exact distances to the scene as it is at one time, in s, within a box between two "
+           "corners "
+           "in m, world frame.");
 
   session
       .def(

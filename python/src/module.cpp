@@ -25,17 +25,87 @@ std::string float_text(const py::handle& value) {
   return py::repr(value);
 }
 
+/// Makes nodes, within the limits that files have (runtime/yaml_document.cpp): a list may hold
+/// itself.
+class Nodes {
+ public:
+  Node of(const py::handle& value, const std::string& mark) {
+    constexpr int kMaxDepth = 100, kMaxNodes = 1'000'000;
+    if (depth_ >= kMaxDepth) {
+      throw py::value_error(beginning(mark) + ": nested too deeply, in more than " +
+                            std::to_string(kMaxDepth) + " levels");
+    }
+    if (++nodes_ > kMaxNodes) {
+      throw py::value_error(beginning(mark) + ": too large, of more than " +
+                            std::to_string(kMaxNodes) + " values");
+    }
+    ++depth_;
+    Node node = made_of(value, mark);
+    --depth_;
+    return node;
+  }
+
+ private:
+  static std::string beginning(const std::string& mark) {
+    constexpr std::size_t kShown = 60;
+    return mark.size() <= kShown ? mark : mark.substr(0, kShown) + "...";
+  }
+
+  Node made_of(const py::handle& value, const std::string& mark) {
+    if (value.is_none()) {
+      Node nothing;
+      nothing.set_mark({mark, 0, 0});
+      return nothing;
+    }
+    if (py::isinstance<py::bool_>(value)) {
+      return scalar(value.cast<bool>() ? "true" : "false", false, mark);
+    }
+    if (py::isinstance<py::int_>(value)) return scalar(py::str(value), false, mark);
+    if (py::isinstance<py::float_>(value)) return scalar(float_text(value), false, mark);
+    if (py::isinstance<py::str>(value)) return scalar(py::str(value), true, mark);
+    if (py::hasattr(value, "__fspath__")) {
+      return scalar(py::str(value.attr("__fspath__")()), true, mark);
+    }
+    if (py::isinstance<py::dict>(value)) return map_of(value, mark);
+    if (py::isinstance<py::list>(value) || py::isinstance<py::tuple>(value)) {
+      Node::List list;
+      for (const auto& item : value) {
+        list.push_back(of(item, mark + "[" + std::to_string(list.size()) + "]"));
+      }
+      return Node(std::move(list), {mark, 0, 0});
+    }
+    if (py::hasattr(value, "tolist")) return of(value.attr("tolist")(), mark);  // numpy's
+    throw py::type_error(mark + ": " + std::string(py::str(py::type::of(value))) +
+                         " cannot be part of a block");
+  }
+
+  Node map_of(const py::handle& value, const std::string& mark) {
+    Node::Map map;
+    for (const auto& [key, item] : py::reinterpret_borrow<py::dict>(value)) {
+      const std::string name = py::str(key);
+      Node::Entry& entry = map.emplace_back();
+      entry.key = name;
+      entry.key_mark.file = mark;
+      entry.value = of(item, mark.empty() ? name : mark + "." + name);
+    }
+    return Node(std::move(map), {mark, 0, 0});
+  }
+
+  int depth_ = 0;
+  int nodes_ = 0;
+};
+
 SessionPtr make_session(std::uint64_t seed, int threads,
                         std::vector<std::filesystem::path> plugin_paths) {
   if (threads < 0) throw py::value_error("threads is to be 0, for one per core, or more");
-  const py::gil_scoped_release release;
+  const Unlocked release;
   return std::make_shared<Session>(RunSettings{seed, threads, std::move(plugin_paths)});
 }
 
 py::object read(const Session& session, const std::filesystem::path& file,
                 const std::vector<std::string>& overrides) {
   auto reading = [&] {
-    const py::gil_scoped_release release;
+    const Unlocked release;
     return read_configuration(file, overrides, session.documents());
   }();
   if (!reading.errors.empty()) raise(reading.errors.front());
@@ -58,44 +128,7 @@ void raise(const Error& error) {
   throw py::error_already_set();
 }
 
-Node node_of(const py::handle& value, const std::string& mark) {
-  const auto within = [&](const std::string& key) { return mark.empty() ? key : mark + "." + key; };
-  if (value.is_none()) {
-    Node nothing;
-    nothing.set_mark({mark, 0, 0});
-    return nothing;
-  }
-  if (py::isinstance<py::bool_>(value)) {
-    return scalar(value.cast<bool>() ? "true" : "false", false, mark);
-  }
-  if (py::isinstance<py::int_>(value)) return scalar(py::str(value), false, mark);
-  if (py::isinstance<py::float_>(value)) return scalar(float_text(value), false, mark);
-  if (py::isinstance<py::str>(value)) return scalar(py::str(value), true, mark);
-  if (py::hasattr(value, "__fspath__")) {
-    return scalar(py::str(value.attr("__fspath__")()), true, mark);
-  }
-  if (py::isinstance<py::dict>(value)) {
-    Node::Map map;
-    for (const auto& [key, item] : py::reinterpret_borrow<py::dict>(value)) {
-      const std::string name = py::str(key);
-      Node::Entry& entry = map.emplace_back();
-      entry.key = name;
-      entry.key_mark.file = mark;
-      entry.value = node_of(item, within(name));
-    }
-    return Node(std::move(map), {mark, 0, 0});
-  }
-  if (py::isinstance<py::list>(value) || py::isinstance<py::tuple>(value)) {
-    Node::List list;
-    for (const auto& item : value) {
-      list.push_back(node_of(item, mark + "[" + std::to_string(list.size()) + "]"));
-    }
-    return Node(std::move(list), {mark, 0, 0});
-  }
-  if (py::hasattr(value, "tolist")) return node_of(value.attr("tolist")(), mark);  // numpy's
-  throw py::type_error(mark + ": " + std::string(py::str(py::type::of(value))) +
-                       " cannot be part of a block");
-}
+Node node_of(const py::handle& value, const std::string& mark) { return Nodes().of(value, mark); }
 
 py::object object_of(const Node& node) {
   if (node.is_map()) {
@@ -144,10 +177,41 @@ Eigen::VectorXd configuration_of(const py::object& value, const RobotDescription
   return Eigen::Map<const Eigen::VectorXd>(array.data(), robot.dof());
 }
 
-Doubles doubles_of(const py::handle& value, const char* what) {
-  auto array = Doubles::ensure(value);
-  if (!array) throw py::type_error(std::string(what) + " has to be numbers");
+py::array numbers_of(const py::handle& value, const std::string& what) {
+  auto array = py::array::ensure(value);
+  if (!array) throw py::type_error(what + " has to be numbers");
+  const char kind = array.dtype().kind();
+  if (kind == 'f' || kind == 'i' || kind == 'u') return array;
+  throw py::type_error(what + " has to be numbers, and is of type " +
+                       std::string(py::str(array.dtype())));
+}
+
+Doubles doubles_of(const py::handle& value, const std::string& what) {
+  if (DoubleRows::check_(value)) return py::reinterpret_borrow<DoubleRows>(value);
+  const auto array = DoubleRows::ensure(numbers_of(value, what));
+  if (!array) throw std::bad_alloc();
   return array;
+}
+
+Stamp stamp_of(double time_s, const char* what) {
+  constexpr double kLargest_s = 9e9;
+  if (std::abs(time_s) < kLargest_s) return Stamp::from_seconds(time_s);
+  throw py::value_error(std::string(what) + " has to be a time in s, up to 285 years");
+}
+
+void need_object(const py::object& value, const char* of,
+                 std::initializer_list<const char*> members) {
+  const std::string wanted = std::string("an object of a class derived from sidestep.") + of;
+  if (PyType_Check(value.ptr()) != 0) {
+    const std::string name = py::str(value.attr("__name__"));
+    throw py::type_error("the class " + name + " stands where " + wanted + " is wanted: " + name +
+                         "(...)");
+  }
+  for (const char* const member : members) {
+    if (py::hasattr(value, member)) continue;
+    throw py::type_error(std::string(py::str(py::type::of(value).attr("__name__"))) +
+                         " stands where " + wanted + " is wanted: it has no `" + member + "`");
+  }
 }
 
 std::string shape_text(std::span<const py::ssize_t> shape) {
@@ -193,6 +257,7 @@ PYBIND11_MODULE(_core, module) {
            "A configuration file, with the files that it builds on, as a dict; overrides: "
            "\"a.b=value\". Blocks are checked where they are used.");
   bind_robots(module, session);
+  bind_fields(module);
   bind_maps(module, session);
   bind_perception(module);
   bind_planning(module, session);

@@ -12,22 +12,19 @@ namespace {
 using FieldPtr = std::shared_ptr<DistanceField>;
 using RowsOf4 = Eigen::Matrix<double, Eigen::Dynamic, 4, Eigen::RowMajor>;
 
-Track make_track(std::int64_t id, const Eigen::Vector2d& position_m,
-                 const Eigen::Vector2d& velocity_mps, double radius_m, double top_m,
-                 double last_seen_s, double bottom_m,
-                 const std::optional<Eigen::Matrix4d>& covariance, double first_seen_s) {
-  if (!std::isfinite(last_seen_s) || !std::isfinite(first_seen_s)) {
-    throw py::value_error("first_seen_s and last_seen_s have to be finite");
-  }
+Track make_track(std::int64_t id, const Doubles& position_m, const Doubles& velocity_mps,
+                 double radius_m, double top_m, double last_seen_s, double bottom_m,
+                 const std::optional<Doubles>& covariance, double first_seen_s) {
   return {.id = id,
-          .position_m = position_m,
-          .velocity_mps = velocity_mps,
-          .covariance = covariance.value_or(Eigen::Matrix4d::Zero()),
+          .position_m = matrix_of<Eigen::Vector2d>(position_m, "position_m"),
+          .velocity_mps = matrix_of<Eigen::Vector2d>(velocity_mps, "velocity_mps"),
+          .covariance = covariance ? matrix_of<Eigen::Matrix4d>(*covariance, "covariance")
+                                   : Eigen::Matrix4d::Zero(),
           .radius_m = radius_m,
           .bottom_m = bottom_m,
           .top_m = top_m,
-          .first_seen = Stamp::from_seconds(first_seen_s),
-          .last_seen = Stamp::from_seconds(last_seen_s)};
+          .first_seen = stamp_of(first_seen_s, "first_seen_s"),
+          .last_seen = stamp_of(last_seen_s, "last_seen_s")};
 }
 
 PredictedSet make_set(const Track& track, const Doubles& times_s, const Doubles& centres_m,
@@ -72,6 +69,8 @@ struct Asked {
 /// A predictor that a Python class is: a subclass of sidestep.Predictor.
 class PythonPredictor final : public Predictor {
  public:
+  static constexpr const char* kClass = "Predictor";
+
   PythonPredictor(const py::object& self, const SnapshotSlot& slot, Fault& fault)
       : self_(self), name_(name_of(self, "predictor")), slot_(slot), fault_(fault) {
     const std::string of = py::str(self.attr("subject"));
@@ -103,7 +102,7 @@ class PythonPredictor final : public Predictor {
     Asked asked{request.tracks, request.horizon_s, slot_.pin(), {}};
     if (asked.field.get() != request.field) asked.field = nullptr;
     if (request.robot != nullptr) asked.robot = *request.robot;
-    const py::gil_scoped_acquire lock;
+    const Locked lock;
     const auto wrong = [](const py::handle& value) {
       return py::type_error("predict() has to return PredictedSets, and returns " +
                             std::string(py::str(py::type::handle_of(value).attr("__name__"))));
@@ -139,6 +138,8 @@ struct Looking {
 /// A gaze that a Python class is: a subclass of sidestep.Gaze.
 class PythonGaze final : public Gaze {
  public:
+  static constexpr const char* kClass = "Gaze";
+
   PythonGaze(const py::object& self, const SnapshotSlot& slot, Fault& fault)
       : self_(self),
         name_(name_of(self, "gaze")),
@@ -150,7 +151,7 @@ class PythonGaze final : public Gaze {
 
   Result<HeadAngles> look(const GazeRequest& request) override {
     return noted(fault_, name_, [&]() -> Result<HeadAngles> {
-      const py::gil_scoped_acquire lock;
+      const Locked lock;
       const auto looking = std::make_shared<Looking>(Looking{&request, nullptr});
       if (request.field != nullptr) {
         looking->seen = std::make_shared<Snapshot>(Snapshot{slot_.snapshot()});
@@ -185,16 +186,19 @@ void bind_tracks(py::module_& module) {
            "Of a tracker of yours. position_m, velocity_mps: x and y. covariance: 4 x 4, of x, y "
            "(m) and their velocities (m/s); None: exact.")
       .def_readonly("id", &Track::id, "The thing's own for as long as it is tracked.")
-      .def_readonly("position_m", &Track::position_m, "Of its axis: x and y.")
-      .def_readonly("velocity_mps", &Track::velocity_mps)
-      .def_readonly("covariance", &Track::covariance, "4 x 4, of x, y, and their velocities.")
-      .def_readonly("radius_m", &Track::radius_m)
-      .def_readonly("bottom_m", &Track::bottom_m, "Height of its lower end.")
-      .def_readonly("top_m", &Track::top_m)
-      .def_property_readonly("first_seen_s", [](const Track& t) { return t.first_seen.seconds(); })
+      .def_readonly("position_m", &Track::position_m, "Of its axis: x and y in m, world frame.")
+      .def_readonly("velocity_mps", &Track::velocity_mps, "Of its axis: x and y, in m/s.")
+      .def_readonly("covariance", &Track::covariance,
+                    "4 x 4, of x, y, and their velocities, in m and m/s.")
+      .def_readonly("radius_m", &Track::radius_m, "Of the cylinder, in m.")
+      .def_readonly("bottom_m", &Track::bottom_m, "Height of its lower end, in m.")
+      .def_readonly("top_m", &Track::top_m, "Height of its upper end, in m.")
+      .def_property_readonly(
+          "first_seen_s", [](const Track& t) { return t.first_seen.seconds(); },
+          "When it was seen first, in s, on the maps' clock.")
       .def_property_readonly(
           "last_seen_s", [](const Track& t) { return t.last_seen.seconds(); },
-          "Before its map's stamp while it is out of sight.");
+          "When it was seen last, in s: before its map's stamp while it is out of sight.");
 
   py::class_<Snapshot, SnapshotPtr>(module, "Snapshot", "A map as loops see it; never changes.")
       .def(py::init(&make_snapshot), py::arg("field").none(false), py::arg("tracks") = std::nullopt,
@@ -202,8 +206,10 @@ void bind_tracks(py::module_& module) {
            "field is one without what is tracked.")
       .def_property_readonly(
           "field",
-          [](const Snapshot& s) { return std::const_pointer_cast<DistanceField>(s.map.field); })
-      .def_property_readonly("tracks", &tracks_of, "By id; None where nobody tracks.")
+          [](const Snapshot& s) { return std::const_pointer_cast<DistanceField>(s.map.field); },
+          "The map's distance field; without what is tracked where motion=\"apart\".")
+      .def_property_readonly("tracks", &tracks_of,
+                             "A list of Track, by id; None where nobody tracks.")
       .def_property_readonly(
           "moving",
           [](const Snapshot& s) -> std::optional<RowsOf4> {
@@ -235,9 +241,10 @@ void bind_tracks(py::module_& module) {
           "times_s: n, ascending, after the tracks' stamp. centres_m: n x 2, world frame. radii_m: "
           "n. likelihood: above 0; sets of one track are alternatives, and sum to 1 at most.")
       .def_readonly("track", &PredictedSet::track, "The track's id.")
-      .def_readonly("likelihood", &PredictedSet::likelihood)
-      .def_readonly("bottom_m", &PredictedSet::bottom_m, "The track's.")
-      .def_readonly("top_m", &PredictedSet::top_m)
+      .def_readonly("likelihood", &PredictedSet::likelihood,
+                    "Above 0, at most 1; those of one track's sets sum to 1 at most.")
+      .def_readonly("bottom_m", &PredictedSet::bottom_m, "Height of its lower end, in m.")
+      .def_readonly("top_m", &PredictedSet::top_m, "Height of its upper end, in m.")
       .def_property_readonly(
           "knots",
           [](const PredictedSet& set) {
@@ -248,16 +255,18 @@ void bind_tracks(py::module_& module) {
             }
             return rows;
           },
-          "n x 4: time in s, x, y and radius in m.");
+          "n x 4: time in s from the tracks' stamp, x, y and radius in m, world frame.");
 }
 
 void bind_requests(py::module_& module) {
   py::class_<Asked>(module, "PredictionRequest", "What a predictor is asked.")
       .def_property_readonly(
           "stamp_s", [](const Asked& asked) { return asked.tracks.stamp.seconds(); },
-          "Of the tracks: time 0 of the sets.")
-      .def_property_readonly("tracks", [](const Asked& asked) { return asked.tracks.tracks; })
-      .def_readonly("horizon_s", &Asked::horizon_s, "Sets are wanted from 0 up to here.")
+          "Of the tracks, in s: time 0 of the sets.")
+      .def_property_readonly(
+          "tracks", [](const Asked& asked) { return asked.tracks.tracks; },
+          "A list of Track: whom sets are wanted of.")
+      .def_readonly("horizon_s", &Asked::horizon_s, "Sets are wanted from 0 up to here, in s.")
       .def_property_readonly(
           "field",
           [](const Asked& asked) { return std::const_pointer_cast<DistanceField>(asked.field); },
@@ -274,10 +283,14 @@ void bind_requests(py::module_& module) {
 
   py::class_<Looking, std::shared_ptr<Looking>>(module, "GazeRequest",
                                                 "What a gaze is asked; over when look() returns.")
-      .def_property_readonly("now_s", [](const Looking& l) { return l.now().now.seconds(); })
       .def_property_readonly(
-          "q", [](const Looking& l) { return l.now().state.q; }, "Measured, m or rad.")
-      .def_property_readonly("qdot", [](const Looking& l) { return l.now().state.qdot; })
+          "now_s", [](const Looking& l) { return l.now().now.seconds(); }, "The loop's time, in s.")
+      .def_property_readonly(
+          "q", [](const Looking& l) { return l.now().state.q; },
+          "Measured positions, dof values in m or rad.")
+      .def_property_readonly(
+          "qdot", [](const Looking& l) { return l.now().state.qdot; },
+          "Measured velocities, dof values in m/s or rad/s.")
       .def_property_readonly(
           "at", [](const Looking& l) { return pair_of(l.now().at); },
           "Where the head is: pan and tilt in rad.")
@@ -293,10 +306,10 @@ void bind_requests(py::module_& module) {
           "The way to the goal that was found last, or None.")
       .def_property_readonly(
           "way_from_s", [](const Looking& l) { return l.now().way_from_s; },
-          "The time of `way` at which the robot is on it.")
+          "The time of `way` at which the robot is on it, in s.")
       .def_property_readonly(
           "way_blocked_s", [](const Looking& l) { return l.now().way_blocked_s; },
-          "The time of `way` from which it is blocked, or None.")
+          "The time of `way` from which it is blocked, in s, or None.")
       .def_readonly("snapshot", &Looking::seen, "The newest map; None before the first.")
       .def(
           "may",
@@ -307,9 +320,10 @@ void bind_requests(py::module_& module) {
           "Whether the head keeps apart from the robot and from obstacles if it turns there.")
       .def(
           "towards",
-          [](const Looking& l, const Eigen::Vector3d& point_m) {
+          [](const Looking& l, const Doubles& point_m) {
             const GazeRequest& request = l.now();
-            return pair_of(request.head.towards(point_m, request.T_world_link, request.at));
+            return pair_of(request.head.towards(matrix_of<Eigen::Vector3d>(point_m, "point_m"),
+                                                request.T_world_link, request.at));
           },
           py::arg("point_m"),
           "Pan and tilt in rad with which the camera looks at a point of the world, or as near to "
@@ -328,8 +342,12 @@ void bind_requests(py::module_& module) {
 
 HeadAngles angles_of(const py::object& value, const char* method) {
   const std::string what = std::string(method) + "() has to return pan and tilt, two numbers";
-  const auto angles = Doubles::ensure(value);
-  if (!angles) throw py::type_error(what + ", and returns none");
+  Doubles angles;
+  try {
+    angles = doubles_of(value, method);
+  } catch (const py::type_error&) {
+    throw py::type_error(what + ", and returns none");
+  }
   if (angles.ndim() != 1 || angles.size() != 2) {
     throw py::value_error(what + ", and returns " + shape_text(angles));
   }

@@ -12,6 +12,7 @@
 #include <sidestep/runtime/planning_settings.hpp>
 #include <sidestep/runtime/shape_check.hpp>
 #include <sidestep/runtime/standing_floor.hpp>
+#include <sidestep/runtime/step_watch.hpp>
 
 #include "bindings.hpp"
 
@@ -36,7 +37,7 @@ class PythonCost final : public StateCost {
   [[nodiscard]] bool depends_on_velocity() const noexcept override { return depends_on_velocity_; }
 
   void evaluate(const StateBatch& states, const CostBatch& out, Scratch&) const override {
-    const py::gil_scoped_acquire lock;
+    const Locked lock;
     const py::ssize_t n = states.count, d = states.dof;
     const auto copied = [](std::span<const double> values, std::vector<py::ssize_t> shape) {
       return py::array_t<double>(std::move(shape), values.data());
@@ -78,11 +79,13 @@ class PythonCost final : public StateCost {
 /// An optimiser that a Python class is: a subclass of sidestep.Optimiser.
 class PythonOptimiser final : public Optimiser {
  public:
+  static constexpr const char* kClass = "Optimiser";
+
   explicit PythonOptimiser(py::object self) : self_(std::move(self)) {}
 
   Result<Solution> solve(const Problem& problem, const Trajectory& initial,
                          const Deadline& deadline) override {
-    const py::gil_scoped_acquire lock;
+    const Locked lock;
     const Stopwatch watch;
     const py::object found = called(self_.get(), "solve", problem, initial, deadline.remaining_s());
     Solution solution;
@@ -133,14 +136,35 @@ namespace {
 constexpr const char* kAsked =
     "a planner cannot be asked by a cost or an optimiser while it is planning";
 
+constexpr double kGrace_s = 1.0;  ///< With callbacks, beyond the deadline.
+
+/// Tells of callbacks that are not back a while after the deadline.
+std::unique_ptr<StepWatch> watch_of_calls(double deadline_s) {
+  constexpr double kLongest_s = 1e6;  // who is waited for that long is not watched
+  if (!(deadline_s < kLongest_s)) return nullptr;
+  const double longest_s = std::max(deadline_s, 0.0) + kGrace_s;
+  auto watch = std::make_unique<StepWatch>(longest_s, [] {
+    (void)catch_all("warning", []() -> Result<void> {
+      warn_of_open_calls("planning is past its deadline, and still");
+      return {};
+    });
+  });
+  watch->begin();
+  return watch;
+}
+
 /// A planner and what it was made by.
 struct Planner {
-  Planner(SessionPtr its, RobotPtr moved, MotionPlanner plans)
-      : session(std::move(its)), robot(std::move(moved)), planner(std::move(plans)) {}
+  Planner(SessionPtr its, RobotPtr moved, MotionPlanner plans, bool asks)
+      : session(std::move(its)),
+        robot(std::move(moved)),
+        planner(std::move(plans)),
+        asks_python(asks) {}
 
   SessionPtr session;
   RobotPtr robot;
   MotionPlanner planner;
+  bool asks_python;  ///< For its optimiser or sampler.
   Alone alone = {};
 
   RaceResult plan(const FieldPtr& field, const py::object& start, const py::object& goal,
@@ -149,6 +173,7 @@ struct Planner {
     query.seed = seed;
     return unlocked("planning", [&]() -> Result<RaceResult> {
       const auto lock = SIDESTEP_TRY(alone.enter(kAsked));
+      const auto watch = asks_python || !costs.empty() ? watch_of_calls(deadline_s) : nullptr;
       return planner.plan(query, Deadline::after_s(deadline_s));
     });
   }
@@ -168,6 +193,7 @@ struct Planner {
     MotionQuery query{field, configuration_of(start, about, "start"),
                       configuration_of(goal, about, "goal")};
     for (const py::object& cost : costs) {
+      need_object(cost, "Cost", {"evaluate", "name", "residual_count", "depends_on_velocity"});
       query.terms.push_back({guard_cost(made_of<StateCost, PythonCost>(cost, "cost")),
                              Placement::kSupportAndInterpolated});
     }
@@ -199,7 +225,8 @@ std::shared_ptr<Planner> make_planner(const SessionPtr& session, const RobotPtr&
   return std::make_shared<Planner>(
       session, robot,
       MotionPlanner(robot, std::move(lanes), planning_of(planning, *robot),
-                    settings_of<CheckSettings>(check, "check")));
+                    settings_of<CheckSettings>(check, "check")),
+      py::hasattr(optimiser, "solve") || py::hasattr(sampler, "solve"));
 }
 
 /// A check and what it needs to live.
@@ -211,7 +238,7 @@ Check field_check(const RobotPtr& robot, const FieldPtr& field, const py::object
                   const py::object& check) {
   const SpacePolicy space = planning_of(planning, *robot).space();
   const auto settings = settings_of<CheckSettings>(check, "check").of_field();
-  const py::gil_scoped_release release;
+  const Unlocked release;
   return {make_field_check(robot, field, space, settings)};
 }
 
@@ -282,15 +309,21 @@ Certification prove(const RobotPtr& robot, const py::object& in, const Trajector
 
 void bind_planning(py::module_& module, py::class_<Session, SessionPtr>& session) {
   py::class_<Problem>(module, "Problem", "What an optimiser is given.")
-      .def_property_readonly("start", [](const Problem& p) { return p.start.q; })
-      .def_property_readonly("goal", [](const Problem& p) { return p.goal.q; })
       .def_property_readonly(
-          "field", [](const Problem& p) { return std::const_pointer_cast<DistanceField>(p.field); })
+          "start", [](const Problem& p) { return p.start.q; }, "dof values, m or rad.")
       .def_property_readonly(
-          "robot", [](const Problem& p) { return std::const_pointer_cast<RobotModel>(p.robot); })
-      .def_readonly("support_states", &Problem::support_states)
-      .def_readonly("dt_s", &Problem::dt_s, "Between two support states.")
-      .def_readonly("collision_margin_m", &Problem::collision_margin_m)
+          "goal", [](const Problem& p) { return p.goal.q; }, "dof values, m or rad.")
+      .def_property_readonly(
+          "field", [](const Problem& p) { return std::const_pointer_cast<DistanceField>(p.field); },
+          "The map to plan in.")
+      .def_property_readonly(
+          "robot", [](const Problem& p) { return std::const_pointer_cast<RobotModel>(p.robot); },
+          "Whose motion is planned.")
+      .def_readonly("support_states", &Problem::support_states,
+                    "How many states a motion has, start and goal included.")
+      .def_readonly("dt_s", &Problem::dt_s, "Between two support states, in s.")
+      .def_readonly("collision_margin_m", &Problem::collision_margin_m,
+                    "Least distance in m between the robot's spheres and obstacles.")
       .def(
           "cost",
           [](const Problem& problem, const Trajectory& trajectory) {
@@ -310,13 +343,13 @@ void bind_planning(py::module_& module, py::class_<Session, SessionPtr>& session
       .def_readonly("reason", &RaceResult::reason, "Why there is none.")
       .def_readonly("seed", &RaceResult::seed, "The first guess that led there.")
       .def_readonly("is_smooth", &RaceResult::is_smooth, "It does not stop at corners.")
-      .def_readonly("took_ms", &RaceResult::took_ms, "Until there was this answer.")
+      .def_readonly("took_ms", &RaceResult::took_ms, "Until there was this answer, in ms.")
       .def_property_readonly(
           "first_ms",
           [](const RaceResult& plan) {
             return plan.earlier.empty() ? plan.took_ms : plan.earlier.front().took_ms;
           },
-          "Until there was any valid answer.")
+          "Until there was any valid answer, in ms.")
       .def_property_readonly(
           "earlier",
           [](const RaceResult& plan) {
@@ -325,7 +358,7 @@ void bind_planning(py::module_& module, py::class_<Session, SessionPtr>& session
             return found;
           },
           "Valid trajectories that were found before a better one, in order.")
-      .def_readonly("spent_ms", &RaceResult::spent_ms, "Until the planner ended.")
+      .def_readonly("spent_ms", &RaceResult::spent_ms, "Until the planner ended, in ms.")
       .def("__bool__", [](const RaceResult& plan) { return plan.trajectory.size() > 0; });
 
   py::class_<Planner, std::shared_ptr<Planner>>(
@@ -337,22 +370,32 @@ void bind_planning(py::module_& module, py::class_<Session, SessionPtr>& session
            "objects of classes derived from sidestep.Cost.")
       .def("problem", &Planner::pose, py::arg("field").none(false), py::arg("start"),
            py::arg("goal"), py::arg("costs") = std::vector<py::object>(),
-           "What the planner's optimiser is given.");
+           "The Problem that plan() would give to the planner's optimiser.");
 
   py::class_<Verdict>(module, "Verdict", "What a check says; true where a motion is valid.")
       .def("__bool__", &Verdict::valid)
       .def("__str__", &Verdict::describe)
-      .def_property_readonly("outcome",
-                             [](const Verdict& v) { return std::string(to_string(v.outcome)); })
-      .def_readonly("min_clearance_m", &Verdict::min_clearance_m)
-      .def_readonly("min_clearance_link", &Verdict::min_clearance_link)
-      .def_readonly("min_clearance_time_s", &Verdict::min_clearance_time_s)
-      .def_readonly("min_self_clearance_m", &Verdict::min_self_clearance_m)
-      .def_property_readonly("violations", [](const Verdict& v) {
-        std::vector<std::string> said;
-        for (const Violation& violation : v.violations) said.push_back(violation.describe());
-        return said;
-      });
+      .def_property_readonly(
+          "outcome", [](const Verdict& v) { return std::string(to_string(v.outcome)); },
+          "\"valid\", \"invalid\", or \"unproven\": no violation found, nor shown that there is "
+          "none.")
+      .def_readonly("min_clearance_m", &Verdict::min_clearance_m,
+                    "Least distance to obstacles and floor at the times checked, in m; as far as "
+                    "was looked where nothing is nearer, inf where there is nothing.")
+      .def_readonly("min_clearance_link", &Verdict::min_clearance_link,
+                    "The link that is so near; \"\" where there is nothing.")
+      .def_readonly("min_clearance_time_s", &Verdict::min_clearance_time_s,
+                    "When it is, in s of the trajectory.")
+      .def_readonly("min_self_clearance_m", &Verdict::min_self_clearance_m,
+                    "Least distance between parts of the robot at the times checked, in m.")
+      .def_property_readonly(
+          "violations",
+          [](const Verdict& v) {
+            std::vector<std::string> said;
+            for (const Violation& violation : v.violations) said.push_back(violation.describe());
+            return said;
+          },
+          "The worst of each link or joint and kind, worst first, a sentence each.");
   py::class_<Check>(module, "Check", "Decides whether a motion is safe, over continuous time.")
       .def(
           "check",
@@ -360,7 +403,8 @@ void bind_planning(py::module_& module, py::class_<Session, SessionPtr>& session
             return unlocked("check",
                             [&] { return self.check->check(trajectory, from_s, Deadline()); });
           },
-          py::arg("trajectory"), py::arg("from_s") = 0.0);
+          py::arg("trajectory"), py::arg("from_s") = 0.0,
+          "The Verdict on a trajectory, from a time of it in s on.");
 
   py::class_<Certification>(module, "Certification",
                             "A proof, or its refutation; true where proven.")
@@ -380,18 +424,21 @@ void bind_planning(py::module_& module, py::class_<Session, SessionPtr>& session
             witness["distance_m"] = c.witness->distance_m;
             return witness;
           },
-          "An instant at which two things are too near, or None.")
-      .def_readonly("broken_limit", &Certification::broken_limit)
+          "An instant at which two things are too near: a dict of `time_s`, `a`, `b` (their names) "
+          "and `distance_m`; or None.")
+      .def_readonly("broken_limit", &Certification::broken_limit,
+                    "The joint's limit that a refuted motion breaks; \"\" where there is none.")
       .def_readonly("certificate", &Certification::certificate,
                     "The text that `sidestep_recheck` accepts; empty where nothing is proven.");
 
   py::class_<SetProblem>(module, "SetProblem", "A motion among shapes that stand still.")
-      .def_readonly("family", &SetProblem::family)
-      .def_readonly("index", &SetProblem::index)
-      .def_readonly("start", &SetProblem::q_start)
-      .def_readonly("goal", &SetProblem::q_goal)
+      .def_readonly("family", &SetProblem::family, "The name of its family.")
+      .def_readonly("index", &SetProblem::index, "Within the family, as the set counts.")
+      .def_readonly("start", &SetProblem::q_start, "dof values, m or rad.")
+      .def_readonly("goal", &SetProblem::q_goal, "dof values, m or rad.")
       .def_property_readonly(
-          "scene", [](const SetProblem& p) { return std::const_pointer_cast<Scene>(p.scene); });
+          "scene", [](const SetProblem& p) { return std::const_pointer_cast<Scene>(p.scene); },
+          "The shapes, world frame.");
 
   module
       .def("field_check", &field_check, py::arg("robot").none(false), py::arg("field").none(false),

@@ -66,7 +66,7 @@ py::array_t<double> sphere_centres(const RobotModel& robot, const Doubles& q) {
   static_assert(sizeof(Eigen::Vector3d) == 3 * sizeof(double));
   const std::span centres(reinterpret_cast<Eigen::Vector3d*>(result.mutable_data()),
                           static_cast<std::size_t>(batch.shape(0)) * count);
-  const py::gil_scoped_release release;
+  const Unlocked release;
   robot.sphere_centres(span_of(batch), centres, scratch());
   return result;
 }
@@ -129,18 +129,28 @@ py::array rows(const py::object& self) {
 
 void bind_robots(py::module_& module, py::class_<Session, SessionPtr>& session) {
   py::class_<Joint>(module, "Joint", "One planned degree of freedom; m or rad.")
-      .def_readonly("name", &Joint::name)
-      .def_readonly("lower", &Joint::lower)
-      .def_readonly("upper", &Joint::upper)
-      .def_readonly("max_velocity", &Joint::max_velocity, "Per second.")
-      .def_readonly("max_acceleration", &Joint::max_acceleration, "Per second squared.")
-      .def_property_readonly("unit", &Joint::unit, "\"m\" or \"rad\".");
+      .def_readonly("name", &Joint::name, "By which states and files name it.")
+      .def_readonly("lower", &Joint::lower,
+                    "Least position, in `unit`; -inf of a continuous joint.")
+      .def_readonly("upper", &Joint::upper,
+                    "Largest position, in `unit`; inf of a continuous joint.")
+      .def_readonly("max_velocity", &Joint::max_velocity, "In `unit` per second.")
+      .def_readonly("max_acceleration", &Joint::max_acceleration,
+                    "In `unit` per second squared; inf where it is not known.")
+      .def_property_readonly("unit", &Joint::unit,
+                             "Of its positions: \"m\" of a sliding joint, \"rad\" of a turning "
+                             "one.");
 
   py::class_<RobotModel, std::shared_ptr<RobotModel>>(
       module, "Robot", "A robot's kinematics and shapes. Configurations are in order of `joints`.")
-      .def_property_readonly("name", [](const RobotModel& r) { return r.description().name; })
-      .def_property_readonly("dof", [](const RobotModel& r) { return r.description().dof(); })
-      .def_property_readonly("joints", [](const RobotModel& r) { return r.description().joints; })
+      .def_property_readonly(
+          "name", [](const RobotModel& r) { return r.description().name; }, "The robot's name.")
+      .def_property_readonly(
+          "dof", [](const RobotModel& r) { return r.description().dof(); },
+          "How many joints are planned: values of a configuration.")
+      .def_property_readonly(
+          "joints", [](const RobotModel& r) { return r.description().joints; },
+          "A list of Joint, in order of a configuration's values.")
       .def_property_readonly(
           "links", [](const RobotModel& r) { return names_of(r.description().links); },
           "Names, parents before children.")
@@ -154,14 +164,16 @@ void bind_robots(py::module_& module, py::class_<Session, SessionPtr>& session) 
             double* into = radii.mutable_data();
             for (const CollisionSphere& sphere : r.description().spheres) *into++ = sphere.radius_m;
             return radii;
-          })
+          },
+          "Of its collision spheres, in m, in order of sphere_centres().")
       .def("pose", &named_pose, py::arg("name"), "The joints that a named pose sets, by name.")
       .def(
           "configuration",
           [](const RobotModel& r, const py::object& value) {
             return configuration_of(value, r.description(), "configuration");
           },
-          py::arg("value"), "dof values of a pose's name or of {\"pose\": ..., \"joints\": {...}}.")
+          py::arg("value"),
+          "dof values, in m or rad, of a pose's name or of {\"pose\": ..., \"joints\": {...}}.")
       .def("link_poses", &link_poses, py::arg("q"),
            "Of one configuration: links x 4 x 4, world frame, in order of `links`.")
       .def("sphere_centres", &sphere_centres, py::arg("q"),
@@ -172,16 +184,17 @@ void bind_robots(py::module_& module, py::class_<Session, SessionPtr>& session) 
       "States over time, joined by cubics. The arrays are views, which cannot be written.")
       .def(py::init(&make_motion), py::arg("times_s"), py::arg("positions"), py::arg("velocities"),
            "n times from 0, n x joints in m or rad, and the same per second.")
-      .def_property_readonly("times_s",
-                             [](const py::object& self) {
-                               const auto& trajectory = self.cast<const Trajectory&>();
-                               return view_of<double>({trajectory.size()},
-                                                      trajectory.times_s.data(), self);
-                             })
+      .def_property_readonly(
+          "times_s",
+          [](const py::object& self) {
+            const auto& trajectory = self.cast<const Trajectory&>();
+            return view_of<double>({trajectory.size()}, trajectory.times_s.data(), self);
+          },
+          "n, ascending from 0, in s.")
       .def_property_readonly("positions", &rows<&Trajectory::positions>, "n x joints, m or rad.")
       .def_property_readonly("velocities", &rows<&Trajectory::velocities>,
-                             "n x joints, per second.")
-      .def_property_readonly("duration_s", &Trajectory::duration_s)
+                             "n x joints, m/s or rad/s.")
+      .def_property_readonly("duration_s", &Trajectory::duration_s, "The last of times_s.")
       .def("__len__", &Trajectory::size)
       .def("sample", &sample, py::arg("times_s"),
            "Positions and velocities at one time or at n; held before 0 and after the end.")
@@ -195,7 +208,8 @@ void bind_robots(py::module_& module, py::class_<Session, SessionPtr>& session) 
           },
           py::arg("file"), py::arg("robot"),
           "For other programs: `.csv`, with a column for each joint's position and velocity, or "
-          "`.json`, MoveIt's RobotTrajectory.");
+          "`.json`, MoveIt's RobotTrajectory. Folders on the way that are not there are made, as "
+          "`sidestep run` makes those of its trajectories; a file of that name is replaced.");
 
   session.def("robot", &make_robot, py::arg("robot"),
               "A profile by its name (\"hsr\") or file, or a block.");

@@ -135,7 +135,7 @@ class Gazes(unittest.TestCase):
 
         numbers = r"look\(\) has to return pan and tilt, two numbers, and returns "
         for answer, said in ((ZeroDivisionError("by nothing"), "by nothing(.|\n)*look"),
-                             (None, numbers + "one number"), ("left", numbers + "none"),
+                             (None, numbers + "none"), ("left", numbers + "none"),
                              ([0.1], numbers + "1"), ([0.1, 0.2, 0.3], numbers + "3"),
                              ([[0.1, 0.2]], numbers + "1 x 2"),
                              ([np.nan, 0.0], numbers + "what is not finite"),
