@@ -3,29 +3,40 @@
 Needs pandas, and for plots Matplotlib (Debian: python3-pandas, python3-matplotlib).
 """
 
+from __future__ import annotations  # pandas and Matplotlib need not be there
+
 import json
 import pathlib
 import sqlite3
+from os import PathLike
+from typing import TYPE_CHECKING, Any, Iterator, Sequence, Union
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ._core import Trajectory
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
 
 
 class Run:
     """A run's folder. What its series and columns are: docs/reference/command.md."""
 
-    def __init__(self, folder):
+    folder: pathlib.Path
+
+    def __init__(self, folder: Union[str, PathLike[str]]) -> None:
         """Raises FileNotFoundError where the folder has no results."""
         self.folder = pathlib.Path(folder)
         self._file = self.folder / "results.sqlite"
         if not self._file.is_file():
             raise FileNotFoundError(f"{self._file}: there is no run in this folder")
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"Run({str(self.folder)!r})"
 
-    def _rows(self, query, *values):
+    def _rows(self, query: str, *values: Any) -> list[tuple[Any, ...]]:
         database = sqlite3.connect(self._file.resolve().as_uri() + "?mode=ro", uri=True)
         try:
             return database.execute(query, values).fetchall()
@@ -35,21 +46,22 @@ class Run:
             database.close()
 
     @property
-    def summary(self):
+    def summary(self) -> dict[str, Any]:
         """summary.json, as a dict."""
-        return json.loads((self.folder / "summary.json").read_text())
+        summary: dict[str, Any] = json.loads((self.folder / "summary.json").read_text())
+        return summary
 
     @property
-    def provenance(self):
+    def provenance(self) -> dict[str, Any]:
         """What ran where: version, git_hash, cpu, seed, ..."""
-        return dict(self._rows("SELECT key, value FROM provenance"))
+        return {key: value for key, value in self._rows("SELECT key, value FROM provenance")}
 
     @property
-    def series(self):
+    def series(self) -> list[str]:
         """Names of the tables."""
         return [name for (name,) in self._rows("SELECT DISTINCT series FROM measurements")]
 
-    def table(self, series):
+    def table(self, series: str) -> pandas.DataFrame:
         """A series as a DataFrame, a row an item. Raises KeyError where there is none."""
         import pandas
 
@@ -62,7 +74,7 @@ class Run:
         wide.columns.name = None
         return wide.infer_objects()
 
-    def array(self, series, item, key):
+    def array(self, series: str, item: int, key: str) -> NDArray[np.float32]:
         """An array of a series, e.g. ("depth", 0, "depth_m"): rows x columns, float32."""
         rows = self._rows("SELECT rows, columns, float32 FROM arrays "
                           "WHERE series = ? AND item = ? AND key = ?", series, item, key)
@@ -71,7 +83,7 @@ class Run:
         height, width, data = rows[0]
         return np.frombuffer(data, "<f4").reshape(height, width)
 
-    def trajectory(self, plan=0):
+    def trajectory(self, plan: int = 0) -> Trajectory:
         """Of a plan by its number; its joints are in the order of `table("joint")`."""
         table = self.table(f"trajectory/{plan}")
         joints = self.table("joint")["name"]
@@ -80,12 +92,12 @@ class Run:
                           table[[f"qdot.{name}" for name in joints]].to_numpy(float))
 
 
-def compared(runs):
+def compared(runs: Sequence[Run]) -> pandas.DataFrame:
     """The numbers of several runs' summaries: a DataFrame, a row a run, a column a number, which is
     named by its way in summary.json, e.g. "map.frame_ms.p50"."""
     import pandas
 
-    def flat(value, way):
+    def flat(value: Any, way: str) -> Iterator[tuple[str, Any]]:
         if isinstance(value, dict):
             for key, item in value.items():
                 yield from flat(item, f"{way}.{key}" if way else key)
@@ -99,7 +111,8 @@ def compared(runs):
                             index=[run.folder.name for run in runs])
 
 
-def plot(runs, series, key, file=None):
+def plot(runs: Sequence[Run], series: str, key: str,
+         file: Union[str, PathLike[str], None] = None) -> Figure:
     """Of each run the share of items at which a column of a series is at most so large, in one
     picture: a Matplotlib figure, also written into `file` (.png, .svg, ...) where that is given."""
     from matplotlib.figure import Figure

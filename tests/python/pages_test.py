@@ -1,4 +1,4 @@
-"""The type stubs say what the module has, and what the documentation shows works."""
+"""What the module says of itself: stubs, docstrings, types, version; and that the documentation shows what works."""
 
 import ast
 import json
@@ -9,6 +9,8 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
+import types
 import unittest
 
 import numpy as np
@@ -74,11 +76,68 @@ class Stubs(unittest.TestCase):
                 if arguments is not None:
                     self.same_arguments(arguments, getattr(thing, member), f"{name}.{member}")
 
-    def test_are_exported_with_a_docstring_each(self):
+    def test_are_exported(self):
         for name in self.STUBS:
             self.assertIs(getattr(sidestep, name), getattr(_core, name))
-            if isinstance(getattr(_core, name), type):
-                self.assertTrue(getattr(_core, name).__doc__, name)
+
+
+def public_things(module):
+    """Name and thing of each class and function of a module, and of what each class has."""
+    for name, thing in vars(module).items():
+        if name.startswith("_") or not str(getattr(thing, "__module__", "")).startswith("sidestep"):
+            continue
+        yield name, thing
+        for member, what in vars(thing).items() if isinstance(thing, type) else ():
+            if not member.startswith("_") and (callable(what) or isinstance(what, property)):
+                yield f"{name}.{member}", what
+
+
+class Docstrings(unittest.TestCase):
+    THINGS = dict([*public_things(_core), *public_things(sidestep), *public_things(results)])
+
+    def test_has_each_class_function_and_property(self):
+        self.assertGreater(len(self.THINGS), 150)
+        for name, thing in self.THINGS.items():
+            # Of a function in C++ the signature comes first, and says nothing.
+            said = re.sub(r"\A\w+\(.*\) -> .*", "", thing.__doc__ or "")
+            with self.subTest(name):
+                self.assertRegex(said.strip(), r"\w{2}")
+
+    def test_name_units(self):
+        """Where a name says no unit, and the thing has one."""
+        for name, unit in (("Joint.lower", "unit"), ("Joint.upper", "unit"), ("Joint.max_velocity", "per second"),
+                           ("Frame.T_world_camera", "optical frame"), ("Trajectory.velocities", "rad/s"),
+                           ("Problem.start", "rad"), ("GazeRequest.qdot", "rad/s"), ("PredictedSet.knots", "in m"),
+                           ("DistanceField.block", "in m"), ("Track.covariance", "m/s")):
+            self.assertIn(unit, self.THINGS[name].__doc__, name)
+
+
+class Types(unittest.TestCase):
+    def test_are_said_of_what_is_written_in_python(self):
+        functions = {name: getattr(thing, "fget", thing) for name, thing in Docstrings.THINGS.items()
+                     if isinstance(getattr(thing, "fget", thing), types.FunctionType)}
+        self.assertEqual({"Cost.evaluate", "Executor.follow", "Run.table", "plot"} - set(functions), set())
+        for name, function in functions.items():
+            code = function.__code__
+            names = set(code.co_varnames[:code.co_argcount]) - {"self"} | {"return"}
+            self.assertEqual(set(function.__annotations__), names, name)
+
+
+class Calls(unittest.TestCase):
+    def test_that_do_next_to_nothing_take_at_most_5_us(self):
+        session = sidestep.Session()
+        panda = session.robot("panda")
+        field = session.scene({"objects": []}).field([-2] * 3, [2] * 3)
+        point_m, q = np.zeros((1, 3)), panda.configuration("ready")
+        for name, call in (("robot.dof", lambda: panda.dof), ("field.distance", lambda: field.distance(point_m)),
+                           ("robot.link_poses", lambda: panda.link_poses(q))):
+            best_s = np.inf
+            for _ in range(100):  # of the thread alone, and the best of many: whoever else is busy
+                begun_s = time.thread_time()
+                for _ in range(200):
+                    call()
+                best_s = min(best_s, (time.thread_time() - begun_s) / 200)
+            self.assertLess(1e6 * best_s, 5.0, name)
 
 
 class Module(unittest.TestCase):
@@ -90,6 +149,25 @@ class Module(unittest.TestCase):
         self.assertRegex(said.stderr, r"ImportError: the module sidestep is of version "
                                       + re.escape(sidestep.__version__)
                                       + r", the library that it has loaded of 9\.8\.7")
+
+
+    def test_refuses_a_library_that_was_not_copied_whole(self):
+        with tempfile.TemporaryDirectory() as folder:
+            copy = pathlib.Path(shutil.copytree(pathlib.Path(sidestep.__file__).parent,
+                                                pathlib.Path(folder) / "sidestep"))
+            library = copy / pathlib.Path(_core.__file__).name
+            whole = library.stat().st_size
+            for size in (whole, whole - 1, 50000):
+                with open(library, "r+b") as file:
+                    file.truncate(size)
+                said = subprocess.run([sys.executable, "-c", "import sidestep"], capture_output=True, text=True,
+                                      env={**os.environ, "PYTHONPATH": folder}, timeout=120, check=False)
+                if size == whole:
+                    self.assertEqual((said.returncode, said.stderr), (0, ""))
+                    continue
+                self.assertEqual(said.returncode, 1, said.stderr)
+                self.assertEqual(said.stderr.splitlines()[-1],
+                                 f"ImportError: {library} has {size} of {whole} bytes: install it again")
 
 
 class Pages(unittest.TestCase):
