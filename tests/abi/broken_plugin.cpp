@@ -61,7 +61,7 @@ void harm_process(const std::string& stage) {
   if (how == "alarm") alarm(1);
   if (how == "fork") (void)!fork();
   if (how == "limit") lower_limit();
-  if (how == "close") close_range(3, 1000, 0);
+  if (how == "close") close_range(0, 1000, 0);
   if (how == "signal") kill(getppid(), SIGTERM);
   if (how == "mask") block_signals();
   if (how == "late_abort" || how == "late_exit") {

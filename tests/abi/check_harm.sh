@@ -36,7 +36,7 @@ refused construct_harm_throw "$gave_up"
 refused construct_harm_kill "killed by SIGKILL (out of memory?) as it was opened"
 refused construct_harm_hang "takes more than 20 s to be opened"
 refused construct_harm_signal "sends signals to other processes as it was opened"
-refused construct_harm_close "closes files that are not its own as it was opened"
+refused construct_harm_close "closes standard input, output or error as it was opened"
 # What can be put back is.
 for harm in alarm fork limit mask; do
   code=0
