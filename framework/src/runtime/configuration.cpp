@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <charconv>
+#include <string_view>
+#include <unordered_map>
 
 #include <sidestep/runtime/yaml_document.hpp>
 
@@ -26,11 +28,15 @@ Node merged(Node under, const Node& over) {
   if (old_plugin != nullptr && new_plugin != nullptr && old_plugin->text() != new_plugin->text()) {
     return over;
   }
+  Node::Map& entries = under.entries();
+  entries.reserve(entries.size() + over.entries().size());  // the keys that are viewed stay
+  std::unordered_map<std::string_view, Node*> known;
+  for (Node::Entry& entry : entries) known.emplace(entry.key, &entry.value);
   for (const Node::Entry& entry : over.entries()) {
-    if (Node* value = under.find(entry.key)) {
-      *value = merged(std::move(*value), entry.value);
+    if (const auto found = known.find(entry.key); found != known.end()) {
+      *found->second = merged(std::move(*found->second), entry.value);
     } else {
-      under.entries().push_back(entry);
+      entries.push_back(entry);
     }
   }
   under.set_mark(over.mark());

@@ -224,6 +224,23 @@ class Writer {
   bool origins_;
 };
 
+/// YAML has no control characters but those of white space. yaml-cpp drops some, and takes a byte
+/// of 0 for the beginning of an escape.
+Result<void> check_characters(std::string_view text, const std::string& name) {
+  int line = 1, column = 1;
+  for (const char c : text) {
+    if (is_control(c) && c != '\t' && c != '\r' && c != '\n') {
+      return fail(ErrorCode::kConfig,
+                  "the byte " + std::to_string(static_cast<unsigned char>(c)) +
+                      " is no character of a text in UTF-8",
+                  SourceMark{name, line, column}.to_string());
+    }
+    column = c == '\n' ? 1 : column + 1;
+    line += c == '\n' ? 1 : 0;
+  }
+  return {};
+}
+
 }  // namespace
 
 Result<Node> YamlDocumentReader::read_leniently(const std::filesystem::path& file,
@@ -234,6 +251,7 @@ Result<Node> YamlDocumentReader::read_leniently(const std::filesystem::path& fil
 
 Result<Node> parse_yaml(std::string_view text, const std::string& name,
                         std::vector<Error>& errors) {
+  SIDESTEP_TRY(check_characters(text, name));
   try {
     // Not YAML::LoadAll(), which finds documents without end in `[1], 2`.
     std::istringstream stream{std::string(text)};

@@ -1,8 +1,11 @@
+#include <algorithm>
+#include <ctime>
 #include <filesystem>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/core/worker_pool.hpp>
 #include <sidestep/plugin/parameters.hpp>
 #include <sidestep/runtime/configuration.hpp>
@@ -118,6 +121,42 @@ TEST_F(ConfigurationFiles, BasesThatDoubleAtEachLevelEnd) {
   const auto file = write("a.yaml", "schema_version: 1\nbase: level_0.yaml\n");
   EXPECT_THAT(errors(read(file)),
               ElementsAre(HasSubstr("more than 200 files are named as bases, and bases of bases")));
+}
+
+/// Two documents of as many keys, all others'.
+class ManyKeys final : public DocumentReader {
+ public:
+  explicit ManyKeys(int count) : count_(count) {}
+  [[nodiscard]] Result<Node> read_leniently(const std::filesystem::path& file,
+                                            std::vector<Error>&) const override {
+    const std::string stem = file.stem().string();
+    const SourceMark mark{file.string(), 1, 1};
+    Node::Map map;
+    if (stem == "top") map.push_back({"base", mark, Node(Node::Scalar{"under.yaml", false}, mark)});
+    for (int i = 0; i < count_; ++i) {
+      map.push_back({stem + std::to_string(i), mark, Node(Node::Scalar{"1", false}, mark)});
+    }
+    return Node(std::move(map), mark);
+  }
+
+ private:
+  int count_;
+};
+
+/// 16 times as many keys take 16 times as long; where each were looked for among all, 256 times.
+TEST(Configuration, ManyKeysAreMergedInTheTimeOfTheirNumber) {
+  const auto seconds_of = [](int count) {
+    double least_s = 1e9;
+    for (int round = 0; round < 3; ++round) {
+      const std::clock_t begin = std::clock();
+      const auto reading = read_configuration("top.yaml", {}, ManyKeys(count));
+      least_s = std::min(least_s, static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC);
+      EXPECT_EQ(reading.configuration.root.entries().size(), std::size_t{2} * idx(count));
+    }
+    return least_s;
+  };
+  const double few_s = seconds_of(2500), many_s = seconds_of(40000);
+  EXPECT_LT(many_s, 80.0 * few_s);
 }
 
 TEST_F(ConfigurationFiles, ABaseIsARegularFileOfBoundedSize) {

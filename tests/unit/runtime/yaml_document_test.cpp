@@ -51,6 +51,17 @@ TEST(YamlDocument, MistakesHavePositions) {
   EXPECT_NE(error_of("? [1, 2]\n: 3\n").find("a key must be"), std::string::npos);
 }
 
+/// Of a byte of 0 and the letter behind it, yaml-cpp leaves nothing.
+TEST(YamlDocument, ControlCharactersAreNoText) {
+  EXPECT_EQ(error_of("a: 1\n" + std::string(1, '\0') + "foo: 2\n"),
+            "t.yaml:2:1: the byte 0 is no character of a text in UTF-8");
+  EXPECT_EQ(error_of("a: 1\nb: 2\f3\n"),
+            "t.yaml:2:5: the byte 12 is no character of a text in UTF-8");
+  EXPECT_EQ(error_of("a: \"\x7f\"\n"),
+            "t.yaml:1:5: the byte 127 is no character of a text in UTF-8");
+  EXPECT_EQ(error_of("a:\t1\r\nb: \xc3\xa4\n"), "no error");
+}
+
 TEST(YamlDocument, FilesThatCannotBeRead) {
   const YamlDocumentReader reader;
   const auto missing = reader.read("/no/such/file.yaml");
