@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <set>
+#include <utility>
 
 #include <sidestep/core/file.hpp>
 
@@ -17,6 +20,25 @@ std::string position_text(const std::string& text, std::size_t byte) {
   const std::size_t column = newline == std::string::npos ? end + 1 : end - newline;
   return ":" + std::to_string(line) + ":" + std::to_string(column);
 }
+
+/// Finds keys that an object has twice, of which a parser keeps the last.
+class KeyWatch {
+ public:
+  bool operator()(int, nlohmann::json::parse_event_t event, const nlohmann::json& value) {
+    using Event = nlohmann::json::parse_event_t;
+    if (event == Event::object_start) keys_.emplace_back();
+    if (event == Event::object_end) keys_.pop_back();
+    if (event != Event::key) return true;
+    const auto& key = value.get_ref<const std::string&>();
+    if (!keys_.back().insert(key).second && !twice_) twice_ = key;
+    return true;
+  }
+  [[nodiscard]] const std::optional<std::string>& twice() const { return twice_; }
+
+ private:
+  std::vector<std::set<std::string>> keys_;  ///< Of the objects that are open.
+  std::optional<std::string> twice_;
+};
 
 }  // namespace
 
@@ -35,6 +57,18 @@ bool DocumentEntry::has(const char* key) const {
   const Node* found = is_map() ? node_->find(key) : nullptr;
   if (found == nullptr || found->is_null()) return false;
   return !found->is_list() || !found->items().empty();
+}
+
+void DocumentEntry::expect_keys(const std::vector<std::string>& known) const {
+  if (*error_ || !is_map()) return;
+  for (const Node::Entry& entry : node_->entries()) {
+    if (std::ranges::find(known, entry.key) != known.end()) continue;
+    const std::string in = path_.empty() ? "" : " in `" + path_ + "`";
+    *error_ = Error{ErrorCode::kConfig, "unknown key '" + entry.key + "'" + in,
+                    entry.key_mark.to_string(),
+                    did_you_mean(entry.key, known, "known here: " + joined(known)), nullptr};
+    return;
+  }
 }
 
 DocumentEntry DocumentEntry::operator[](const char* key) const {
@@ -82,7 +116,13 @@ Eigen::VectorXd DocumentEntry::numbers(std::size_t count) const {
 Result<JsonEntry::File> JsonEntry::read(const std::string& file_name) {
   const auto text = SIDESTEP_TRY(read_file(file_name));
   try {
-    return File{file_name, nlohmann::json::parse(text), std::nullopt};
+    KeyWatch keys;
+    auto content = nlohmann::json::parse(text, std::ref(keys));
+    if (keys.twice()) {
+      return fail(ErrorCode::kConfig, "an object has the key '" + *keys.twice() + "' twice",
+                  file_name);
+    }
+    return File{file_name, std::move(content), std::nullopt};
   } catch (const nlohmann::json::parse_error& error) {
     return fail(ErrorCode::kConfig, "this is no valid JSON",
                 file_name + position_text(text, error.byte));
@@ -112,6 +152,16 @@ bool JsonEntry::expect(bool is, const char* what) const {
 
 bool JsonEntry::has(const char* key) const {
   return value_ != nullptr && value_->is_object() && value_->contains(key);
+}
+
+void JsonEntry::expect_keys(const std::vector<std::string>& known) const {
+  if (value_ == nullptr || !value_->is_object()) return;
+  for (const auto& [key, value] : value_->items()) {
+    if (std::ranges::find(known, key) != known.end()) continue;
+    const std::string hint = did_you_mean(key, known);
+    complain("unknown key `" + key + "`" + (hint.empty() ? "" : ": " + hint));
+    return;
+  }
 }
 
 JsonEntry JsonEntry::operator[](const char* key) const {

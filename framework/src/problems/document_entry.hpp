@@ -28,6 +28,8 @@ class DocumentEntry {
   /// All values of a list.
   [[nodiscard]] std::vector<DocumentEntry> items() const;
   [[nodiscard]] bool is_map() const { return node_ != nullptr && node_->is_map(); }
+  /// Complains where a map has any other key.
+  void expect_keys(const std::vector<std::string>& known) const;
 
   [[nodiscard]] double number() const;
   [[nodiscard]] std::string text() const;
@@ -64,13 +66,16 @@ class JsonEntry {
     std::optional<Error> error;
   };
 
-  /// Reads and parses. Fails with kNotFound, kIo, or kConfig naming line and column.
+  /// Reads and parses. Fails with kNotFound, kIo, or kConfig naming line and column, or the key
+  /// that an object has twice.
   [[nodiscard]] static Result<File> read(const std::string& file_name);
 
   /// The whole file, which must outlive the entry.
   explicit JsonEntry(File& file) : file_(&file), value_(&file.content) {}
 
   [[nodiscard]] bool has(const char* key) const;
+  /// Complains where an object has any other key.
+  void expect_keys(const std::vector<std::string>& known) const;
   /// A value of an object.
   [[nodiscard]] JsonEntry operator[](const char* key) const;
   /// A value of an array.

@@ -1,6 +1,7 @@
 #include <sidestep/problems/problem_set.hpp>
 
 #include <algorithm>
+#include <iterator>
 #include <map>
 #include <optional>
 #include <set>
@@ -10,6 +11,7 @@
 #include <sidestep/runtime/yaml_document.hpp>
 
 #include "document_entry.hpp"
+#include "moveit_scene.hpp"
 
 namespace sidestep {
 namespace {
@@ -27,264 +29,67 @@ constexpr std::size_t kMostDigits = 9;  // an int holds them
 /// The digits before ".yaml" in a name that begins with `prefix`; empty for other names.
 std::string digits_of(const fs::path& file, std::string_view prefix) {
   const std::string stem = file.stem().string();
-  const std::size_t last = stem.find_last_not_of("0123456789");
-  const bool fits = file.extension() == ".yaml" && stem.starts_with(prefix);
-  const bool has_digits =
-      fits && last != std::string::npos && stem.size() - last <= kMostDigits + 1;
-  return has_digits ? stem.substr(last + 1) : "";
+  const bool is_yaml = file.extension() == ".yaml" || file.extension() == ".yml";
+  if (!is_yaml || !stem.starts_with(prefix)) return "";
+  return stem.substr(stem.find_last_not_of("0123456789") + 1);
 }
 
 /// The files of a folder that begin with `prefix`, by their digits; of several with the same, the
-/// one with nothing between the two, or else the first by name.
-std::map<std::string, fs::path> numbered_files(const fs::path& folder, std::string_view prefix) {
-  std::map<std::string, fs::path> files;
-  const auto is_better = [&](const fs::path& file, const fs::path& than,
-                             const std::string& digits) {
-    const std::string plain = std::string(prefix) + digits;
-    return std::pair(file.stem() != plain, file) < std::pair(than.stem() != plain, than);
-  };
+/// one with nothing between the two comes first, then the first by name.
+std::map<std::string, std::vector<fs::path>> numbered_files(const fs::path& folder,
+                                                            std::string_view prefix) {
+  std::map<std::string, std::vector<fs::path>> files;
   std::error_code ignored;
   for (const auto& entry : fs::directory_iterator(folder, ignored)) {
     const std::string digits = digits_of(entry.path(), prefix);
-    if (digits.empty()) continue;
-    const auto [found, is_new] = files.emplace(digits, entry.path());
-    if (!is_new && is_better(entry.path(), found->second, digits)) found->second = entry.path();
+    if (!digits.empty()) files[digits].push_back(entry.path());
+  }
+  for (auto& [digits, alike] : files) {
+    const std::string plain = std::string(prefix) + digits;
+    std::ranges::sort(alike, {},
+                      [&](const fs::path& file) { return std::pair(file.stem() != plain, file); });
   }
   return files;
 }
 
-std::string lower_case(std::string text) {
-  std::ranges::transform(text, text.begin(), [](unsigned char c) { return std::tolower(c); });
-  return text;
-}
-
-/// Numbers written as [x, y, z] or as {x: ..., y: ..., z: ...}.
-Eigen::VectorXd coordinates(const DocumentEntry& entry, const std::vector<const char*>& names) {
-  if (!entry.is_map()) return entry.numbers(names.size());
-  Eigen::VectorXd values(static_cast<Eigen::Index>(names.size()));
-  for (std::size_t i = 0; i < names.size(); ++i) {
-    values[static_cast<Eigen::Index>(i)] = entry[names[i]].number();
-  }
-  return values;
-}
-
-/// A geometry_msgs Pose ("position", "orientation") or Transform ("translation", "rotation").
-Transform read_pose(const DocumentEntry& pose, const char* position, const char* orientation) {
-  Transform T = Transform::Identity();
-  T.translation() = coordinates(pose[position], {"x", "y", "z"});
-  const Eigen::VectorXd xyzw = coordinates(pose[orientation], {"x", "y", "z", "w"});
-  if (!(xyzw.norm() > 0.0)) pose[orientation].complain("this is no orientation");
-  T.linear() =
-      Eigen::Quaterniond(xyzw[3], xyzw[0], xyzw[1], xyzw[2]).normalized().toRotationMatrix();
-  return T;
-}
-Transform read_pose(const DocumentEntry& pose) {
-  return read_pose(pose, "position", "orientation");
-}
-
-/// Where the frames of a scene are, seen from the robot's root.
-class Frames {
- public:
-  Frames(const DocumentEntry& scene, const RobotDescription& robot)
-      : root_(robot.links.empty() ? "" : robot.links.front().name) {
-    T_planning_frame_ = {{"", Transform::Identity()}};
-    if (scene.has("fixed_frame_transforms")) {
-      add(scene["fixed_frame_transforms"].items(), robot);
-    } else {
-      T_planning_frame_["world"] = Transform::Identity();
-    }
-    T_planning_frame_.emplace(root_, Transform::Identity());
-  }
-
-  [[nodiscard]] Transform T_root_frame(const DocumentEntry& object) const {
-    const bool is_named = object.has("header") && object["header"].has("frame_id");
-    const std::string frame = is_named ? object["header"]["frame_id"].text() : "";
-    const auto found = T_planning_frame_.find(frame);
-    if (found != T_planning_frame_.end()) {
-      return T_planning_frame_.at(root_).inverse() * found->second;
-    }
-    object["header"]["frame_id"].complain("'" + frame + "' is neither the robot's root '" + root_ +
-                                          "' nor among `fixed_frame_transforms`");
-    return Transform::Identity();
-  }
-
- private:
-  /// As moveit::core::Transforms writes them, which is not tf's way: `child_frame_id` is the
-  /// planning frame, the same in all, and the transform is the pose of `header.frame_id` in it.
-  void add(const std::vector<DocumentEntry>& transforms, const RobotDescription& robot) {
-    const std::string planning = transforms.front()["child_frame_id"].text();
-    T_planning_frame_[planning] = Transform::Identity();
-    for (const DocumentEntry& one : transforms) {
-      if (one["child_frame_id"].text() != planning) {
-        one["child_frame_id"].complain(
-            "MoveIt has every frame in its planning frame, the child_frame_id of all, and here '" +
-            planning + "' was that before");
-      }
-      T_planning_frame_[one["header"]["frame_id"].text()] =
-          read_pose(one["transform"], "translation", "rotation");
-    }
-    if (!T_planning_frame_.contains(root_) && robot.link_index(planning)) {
-      transforms.front()["child_frame_id"].complain(
-          "the planning frame is '" + planning + "', a link of the robot, whose root is '" + root_ +
-              "'",
-          "MoveIt has the planning frame in child_frame_id, and in header.frame_id what stands in "
-          "it");
-    }
-  }
-
-  std::string root_;
-  std::map<std::string, Transform> T_planning_frame_;
-};
-
-/// A shape_msgs SolidPrimitive.
-Shape read_primitive(const DocumentEntry& primitive) {
-  // By name, or by the number of the message's constant.
-  const std::string type = lower_case(primitive["type"].text());
-  const DocumentEntry dimensions = primitive["dimensions"];
-  const auto positive = [&](std::size_t count) {
-    Eigen::VectorXd values = dimensions.numbers(count);
-    if (!(values.array() > 0.0).all()) dimensions.complain("dimensions must be greater than 0");
-    return values;
-  };
-  if (type == "box" || type == "1") return Box{positive(3)};
-  if (type == "sphere" || type == "2") return Sphere{positive(1)[0]};
-  if (type == "cylinder" || type == "3") {
-    const Eigen::VectorXd height_and_radius = positive(2);
-    return Cylinder{height_and_radius[1], height_and_radius[0]};
-  }
-  primitive["type"].complain("expected box, cylinder or sphere, found '" + type + "'");
-  return Sphere{};
-}
-
-/// The file that a resource names: a path from the folder of the scene, or "package://NAME/..."
-/// below that folder or one that it is in.
-std::optional<fs::path> find_resource(const std::string& resource, const fs::path& folder) {
-  constexpr std::string_view kPackage = "package://", kFile = "file://";
-  std::error_code ignored;
-  if (!resource.starts_with(kPackage)) {
-    const bool has_scheme = resource.starts_with(kFile);
-    const fs::path file = folder / (has_scheme ? resource.substr(kFile.size()) : resource);
-    if (fs::is_regular_file(file, ignored)) return file;
-    return std::nullopt;
-  }
-  const std::string rest = resource.substr(kPackage.size());
-  for (fs::path base = fs::absolute(folder, ignored);; base = base.parent_path()) {
-    if (fs::is_regular_file(base / rest, ignored)) return base / rest;
-    if (base == base.parent_path()) return std::nullopt;
-  }
-}
-
-/// A mesh by its `resource`, stretched by `dimensions` where they are given; or by its `vertices`
-/// and `triangles` themselves.
-Shape read_mesh_entry(const DocumentEntry& entry, const fs::path& folder) {
-  Mesh mesh;
-  if (entry.has("resource")) {
-    const std::string resource = entry["resource"].text();
-    const auto file = find_resource(resource, folder);
-    if (!file) {
-      entry["resource"].complain("there is no file '" + resource + "'",
-                                 "packages are looked for in the folders above the scene");
-      return std::make_shared<const Mesh>();
-    }
-    auto read = read_mesh(file->string());
-    if (!read) {
-      entry["resource"].complain(read.error().describe());
-      return std::make_shared<const Mesh>();
-    }
-    mesh = std::move(*read);
-    const Eigen::Vector3d scale = entry.has("dimensions")
-                                      ? coordinates(entry["dimensions"], {"x", "y", "z"})
-                                      : Eigen::VectorXd::Ones(3);
-    for (Eigen::Vector3d& vertex : mesh.vertices_m) vertex = vertex.cwiseProduct(scale);
-    return indexed_mesh(std::move(mesh));
-  }
-  for (const DocumentEntry& vertex : entry["vertices"].items()) {
-    mesh.vertices_m.emplace_back(coordinates(vertex, {"x", "y", "z"}));
-  }
-  const auto count = static_cast<double>(mesh.vertices_m.size());
-  for (const DocumentEntry& triangle : entry["triangles"].items()) {
-    const DocumentEntry listed = triangle.is_map() ? triangle["vertex_indices"] : triangle;
-    const Eigen::VectorXd corners = listed.numbers(3);
-    if ((corners.array() < 0.0).any() || (corners.array() >= count).any()) {
-      listed.complain("a triangle has a corner that is not among the vertices");
-      return std::make_shared<const Mesh>();
-    }
-    mesh.triangles.emplace_back(corners.cast<int>());
-  }
-  return indexed_mesh(std::move(mesh));
-}
-
-/// A moveit_msgs CollisionObject: one object of ours for each of its shapes. T_root_object: of the
-/// frame that it is given in.
-void read_object(const DocumentEntry& object, Transform T_root_object, const fs::path& folder,
-                 std::vector<SceneObject>& into) {
-  if (object.has("planes")) object["planes"].complain("planes are not supported");
-  if (object.has("pose")) T_root_object = T_root_object * read_pose(object["pose"]);
-  const std::string id = object["id"].text();
-  const std::size_t first = into.size();
-  for (const auto& [shapes, poses] :
-       {std::pair("primitives", "primitive_poses"), {"meshes", "mesh_poses"}}) {
-    if (!object.has(shapes)) continue;
-    const auto listed = object[shapes].items(), places = object[poses].items();
-    if (listed.size() != places.size()) {
-      object[poses].complain("there are " + std::to_string(listed.size()) + " of `" + shapes +
-                             "` and " + std::to_string(places.size()) + " poses");
-      return;
-    }
-    const bool are_meshes = std::string_view(shapes) == "meshes";
-    for (std::size_t i = 0; i < listed.size(); ++i) {
-      Waypoint place;
-      place.T_world_object = T_root_object * read_pose(places[i]);
-      SceneObject part;
-      part.shape = are_meshes ? read_mesh_entry(listed[i], folder) : read_primitive(listed[i]);
-      part.waypoints = {place};
-      into.push_back(std::move(part));
-    }
-  }
-  const std::string operation = object.has("operation") ? object["operation"].text() : "0";
-  if (operation == "1" || operation == "2" || operation == "3") {
-    object["operation"].complain("object '" + id +
-                                 "' is removed, appended to or moved here, and "
-                                 "only whole objects are read");
-  }
-  if (into.size() == first) object.complain("object '" + id + "' has no shape");
-  for (std::size_t i = first; i < into.size(); ++i) {
-    into[i].name = into.size() == first + 1 ? id : id + "/" + std::to_string(i - first);
-  }
-}
-
-/// A moveit_msgs AttachedCollisionObject.
-CarriedObject read_attached(const DocumentEntry& entry, const fs::path& folder) {
-  const DocumentEntry object = entry["object"];
-  CarriedObject attached{object["id"].text(), entry["link_name"].text(), {}, {}};
-  const std::string frame = object["header"]["frame_id"].text();
-  if (!frame.empty() && frame != attached.link) {
-    object["header"]["frame_id"].complain("object '" + attached.name + "' is attached to '" +
-                                          attached.link + "' and in the frame '" + frame + "'");
-  }
-  if (entry.has("touch_links")) {
-    for (const DocumentEntry& link : entry["touch_links"].items()) {
-      attached.touch_links.push_back(link.text());
-    }
-  }
-  std::vector<SceneObject> parts;
-  read_object(object, Transform::Identity(), folder, parts);
-  for (const SceneObject& part : parts) {
-    attached.shapes.push_back({0, part.shape, part.T_world_object(0.0)});
-  }
-  return attached;
-}
+// What these messages can have; not all of it says anything of a problem.
+const std::vector<std::string> kRequestKeys{"workspace_parameters",
+                                            "start_state",
+                                            "goal_constraints",
+                                            "path_constraints",
+                                            "trajectory_constraints",
+                                            "reference_trajectories",
+                                            "pipeline_id",
+                                            "planner_id",
+                                            "group_name",
+                                            "num_planning_attempts",
+                                            "allowed_planning_time",
+                                            "max_velocity_scaling_factor",
+                                            "max_acceleration_scaling_factor",
+                                            "cartesian_speed_end_effector_link",
+                                            "cartesian_speed_limited_link",
+                                            "max_cartesian_speed"};
+const std::vector<std::string> kConstraintKeys{"name", "joint_constraints", "position_constraints",
+                                               "orientation_constraints", "visibility_constraints"};
 
 /// A sensor_msgs JointState: what it says comes before what was said.
 void read_joint_state(const DocumentEntry& state, Positions& positions) {
+  state.expect_keys({"header", "name", "position", "velocity", "effort"});
   const auto names = state["name"].items(), values = state["position"].items();
   if (names.size() != values.size()) {
     state["position"].complain("there are " + std::to_string(names.size()) + " names and " +
                                std::to_string(values.size()) + " positions");
     return;
   }
+  std::set<std::string> told;
   for (std::size_t i = 0; i < names.size(); ++i) {
-    positions[names[i].text()] = values[i].number();
+    const std::string name = names[i].text();
+    if (!told.insert(name).second) names[i].complain("joint '" + name + "' stands here twice");
+    positions[name] = values[i].number();
+  }
+  if (!state.has("velocity")) return;
+  for (const DocumentEntry& velocity : state["velocity"].items()) {
+    if (velocity.number() != 0.0) velocity.complain("only motions from rest are supported");
   }
 }
 
@@ -292,6 +97,7 @@ void read_joint_state(const DocumentEntry& state, Positions& positions) {
 void read_robot_state(const DocumentEntry& parent, const char* key, Positions& positions) {
   if (!parent.has(key)) return;
   const DocumentEntry state = parent[key];
+  check_robot_state(state);
   if (state.has("attached_collision_objects")) {
     state["attached_collision_objects"].complain("attached objects are not supported");
   }
@@ -307,15 +113,39 @@ Positions read_goal(const DocumentEntry& request) {
                     std::to_string(constraints.size()));
     return goal;
   }
+  constraints.front().expect_keys(kConstraintKeys);
   for (const char* other :
        {"position_constraints", "orientation_constraints", "visibility_constraints"}) {
     if (!constraints.front().has(other)) continue;
     constraints.front()[other].complain("only goals that are positions of joints are supported");
   }
   for (const DocumentEntry& joint : constraints.front()["joint_constraints"].items()) {
-    goal[joint["joint_name"].text()] = joint["position"].number();
+    joint.expect_keys({"joint_name", "position", "tolerance_above", "tolerance_below", "weight"});
+    const std::string name = joint["joint_name"].text();
+    if (!goal.emplace(name, joint["position"].number()).second) {
+      joint["joint_name"].complain("joint '" + name + "' stands here twice");
+    }
   }
   return goal;
+}
+
+/// Complains about what a motion would have to keep to on its way.
+void check_free_way(const DocumentEntry& request) {
+  std::vector<DocumentEntry> all;
+  if (request.has("path_constraints")) all.push_back(request["path_constraints"]);
+  if (request.has("trajectory_constraints")) {
+    const DocumentEntry way = request["trajectory_constraints"];
+    way.expect_keys({"constraints"});
+    if (way.has("constraints"))
+      std::ranges::copy(way["constraints"].items(), std::back_inserter(all));
+  }
+  for (const DocumentEntry& constraints : all) {
+    constraints.expect_keys(kConstraintKeys);
+    for (const std::string& key : kConstraintKeys) {
+      if (key == "name" || !constraints.has(key.c_str())) continue;
+      constraints[key.c_str()].complain("constraints on the way are not supported");
+    }
+  }
 }
 
 /// The robot's own joints, of all that are named; complains where one is not.
@@ -334,23 +164,6 @@ Eigen::VectorXd configuration_of(const Positions& positions, const RobotDescript
   return q;
 }
 
-std::vector<SceneObject> read_world(const DocumentEntry& scene, const RobotDescription& robot,
-                                    const fs::path& folder) {
-  std::vector<SceneObject> objects;
-  const Frames frames(scene, robot);
-  if (!scene.has("world")) return objects;
-  const DocumentEntry world = scene["world"];
-  if (world.has("octomap") && world["octomap"].has("octomap") &&
-      world["octomap"]["octomap"].has("data")) {
-    world["octomap"].complain("octomaps are not supported", "certify takes one as a .bt");
-  }
-  if (!world.has("collision_objects")) return objects;
-  for (const DocumentEntry& object : world["collision_objects"].items()) {
-    read_object(object, frames.T_root_frame(object), folder, objects);
-  }
-  return objects;
-}
-
 Result<SetProblem> read_problem(const fs::path& scene_file, const fs::path& request_file,
                                 const RobotDescription& robot) {
   const YamlDocumentReader reader;
@@ -358,6 +171,8 @@ Result<SetProblem> read_problem(const fs::path& scene_file, const fs::path& requ
   const auto request_document = SIDESTEP_TRY(reader.read(request_file));
   std::optional<Error> error;
   const DocumentEntry scene(scene_document, error), request(request_document, error);
+  request.expect_keys(kRequestKeys);
+  check_free_way(request);
   SetProblem problem;
   problem.scene = std::make_shared<const Scene>(read_world(scene, robot, scene_file.parent_path()));
   Positions start;
@@ -369,48 +184,7 @@ Result<SetProblem> read_problem(const fs::path& scene_file, const fs::path& requ
   return problem;
 }
 
-/// Complains about what a scene says and nobody would hear.
-void check_whole(const DocumentEntry& scene) {
-  if (scene.has("is_diff") && lower_case(scene["is_diff"].text()) != "false") {
-    scene["is_diff"].complain("this is only what changes a scene",
-                              "call /get_planning_scene for the whole one");
-  }
-  for (const char* key : {"link_padding", "link_scale"}) {
-    if (!scene.has(key)) continue;
-    const double usual = std::string_view(key) == "link_scale" ? 1.0 : 0.0;
-    const char* const value = std::string_view(key) == "link_scale" ? "scale" : "padding";
-    for (const DocumentEntry& one : scene[key].items()) {
-      if (one[value].number() == usual) continue;
-      one[value].complain("links are taken as they are", "ask for a margin instead");
-    }
-  }
-  if (!scene.has("robot_state")) return;
-  const DocumentEntry state = scene["robot_state"];
-  if (!state.has("multi_dof_joint_state")) return;
-  if (!state["multi_dof_joint_state"].has("transforms")) return;
-  for (const DocumentEntry& one : state["multi_dof_joint_state"]["transforms"].items()) {
-    if (read_pose(one, "translation", "rotation").isApprox(Transform::Identity(), 1e-9)) continue;
-    one.complain("the robot's root is not where the planning frame is",
-                 "give the scene in the frame of the robot's root");
-  }
-}
-
 }  // namespace
-
-Result<PlanningScene> read_moveit_scene(const Node& message, const fs::path& folder,
-                                        const RobotDescription& robot) {
-  std::optional<Error> error;
-  const DocumentEntry scene(message, error);
-  check_whole(scene);
-  PlanningScene found{Scene(read_world(scene, robot, folder)), {}};
-  if (scene.has("robot_state") && scene["robot_state"].has("attached_collision_objects")) {
-    for (const DocumentEntry& entry : scene["robot_state"]["attached_collision_objects"].items()) {
-      found.attached.push_back(read_attached(entry, folder));
-    }
-  }
-  if (error) return tl::make_unexpected(std::move(*error));
-  return found;
-}
 
 bool holds_moveit_problems(const fs::path& folder) {
   return !numbered_files(folder, kRequest).empty();
@@ -421,15 +195,30 @@ Result<std::vector<SetProblem>> read_moveit_family(const fs::path& folder,
   std::string family = fs::absolute(folder).lexically_normal().filename().string();
   if (family.empty()) family = fs::absolute(folder).lexically_normal().parent_path().filename();
   if (family.ends_with("_" + robot.name)) family.resize(family.size() - robot.name.size() - 1);
-  const auto scenes = numbered_files(folder, kScene);
+  const auto scenes = numbered_files(folder, kScene), requests = numbered_files(folder, kRequest);
+  for (const auto& [digits, files] : scenes) {
+    if (requests.contains(digits)) continue;
+    return fail(ErrorCode::kNotFound, "there is no request" + digits + ".yaml beside the scene",
+                files.front().string());
+  }
   std::vector<SetProblem> problems;
-  for (const auto& [digits, request] : numbered_files(folder, kRequest)) {
+  for (const auto& [digits, files] : requests) {
+    const fs::path& request = files.front();
     const auto scene = scenes.find(digits);
     if (scene == scenes.end()) {
       return fail(ErrorCode::kNotFound, "there is no scene" + digits + ".yaml beside the request",
                   request.string());
     }
-    auto problem = SIDESTEP_TRY(read_problem(scene->second, request, robot));
+    if (files.size() > 1) {
+      return fail(ErrorCode::kConfig, "there is another request of this number beside it",
+                  files.back().string());
+    }
+    if (digits.size() > kMostDigits) {
+      return fail(ErrorCode::kConfig,
+                  "the number has more than " + std::to_string(kMostDigits) + " digits",
+                  request.string());
+    }
+    auto problem = SIDESTEP_TRY(read_problem(scene->second.front(), request, robot));
     problem.family = family;
     problem.index = std::stoi(digits);
     problems.push_back(std::move(problem));

@@ -12,11 +12,22 @@ constexpr int kLargestIndex = 1'000'000;
 
 Shape read_shape(const JsonEntry& obstacle) {
   const std::string type = obstacle["type"].text();
-  if (type == "cylinder")
+  std::vector<std::string> keys{"name", "type", "position", "quaternion_xyzw"};
+  const auto has = [&](std::initializer_list<const char*> sizes) {
+    keys.insert(keys.end(), sizes.begin(), sizes.end());
+    obstacle.expect_keys(keys);
+  };
+  if (type == "cylinder") {
+    has({"radius", "height"});
     return Cylinder{obstacle["radius"].positive(), obstacle["height"].positive()};
-  if (type == "sphere") return Sphere{obstacle["radius"].positive()};
+  }
+  if (type == "sphere") {
+    has({"radius"});
+    return Sphere{obstacle["radius"].positive()};
+  }
   if (type != "box")
     obstacle["type"].complain("expected box, cylinder or sphere, found '" + type + "'");
+  has({"size"});
   const Eigen::Vector3d size_m = obstacle["size"].vector3();
   if (!(size_m.array() > 0.0).all()) obstacle["size"].complain("edges must be longer than 0");
   return Box{size_m};
@@ -39,7 +50,12 @@ SceneObject read_obstacle(const JsonEntry& obstacle) {
 /// Where in the file's configurations each of the robot's joints stands.
 std::vector<std::size_t> places_of_joints(const JsonEntry& names, const RobotDescription& robot) {
   std::vector<std::string> listed;
-  for (const JsonEntry& name : names.items()) listed.push_back(name.text());
+  for (const JsonEntry& name : names.items()) {
+    listed.push_back(name.text());
+    if (std::ranges::count(listed, listed.back()) > 1) {
+      name.complain("joint '" + listed.back() + "' stands here twice");
+    }
+  }
   std::vector<std::size_t> places;
   for (const Joint& joint : robot.joints) {
     const auto at = std::ranges::find(listed, joint.name);
@@ -63,6 +79,17 @@ Eigen::VectorXd read_configuration(const JsonEntry& values, std::size_t count,
   return q;
 }
 
+/// Where a set says what its numbers are, they are these.
+void check_units(const JsonEntry& set) {
+  if (!set.has("units")) return;
+  set["units"].expect_keys({"length", "angle"});
+  for (const auto& [quantity, unit] : {std::pair("length", "m"), std::pair("angle", "rad")}) {
+    if (!set["units"].has(quantity)) continue;
+    const JsonEntry told = set["units"][quantity];
+    if (told.text() != unit) told.complain(std::string("only '") + unit + "' is supported");
+  }
+}
+
 Result<std::vector<SetProblem>> read_family(const std::filesystem::path& file,
                                             const RobotDescription& robot) {
   std::vector<SetProblem> problems;
@@ -72,11 +99,15 @@ Result<std::vector<SetProblem>> read_family(const std::filesystem::path& file,
   if (set["format"].text() != kFormat) {
     set["format"].complain("expected '" + std::string(kFormat) + "'");
   }
+  set.expect_keys({"format", "robot", "family", "units", "frame", "conventions", "source",
+                   "joint_names", "problems"});
+  check_units(set);
   const std::string family = set["family"].text();
   const JsonEntry names = set["joint_names"];
   const std::vector<std::size_t> places = places_of_joints(names, robot);
   for (const JsonEntry& problem : set["problems"].items()) {
     if (content.error) break;
+    problem.expect_keys({"index", "start", "goals", "other_joints", "obstacles"});
     SetProblem read;
     read.family = family;
     read.index = problem["index"].integer(0, kLargestIndex);

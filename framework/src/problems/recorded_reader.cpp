@@ -116,6 +116,19 @@ struct RecordedRobot {
 /// moves along the first axes of the world.
 Result<RecordedRobot> read_recorded_robot(const JsonEntry& robot, int dof) {
   constexpr int kHeadingJoint = 2, kBaseJoints = 4;
+  robot.expect_keys(robot.has("dh")
+                        ? std::vector<std::string>{"name", "spheres", "spheres_columns", "dh", "a",
+                                                   "alpha", "d", "theta_bias", "base_T_torso",
+                                                   "torso_T_arm", "base_pose", "lift", "state",
+                                                   "joint_limit_factors", "sampling_limits_hi",
+                                                   "sampling_limits_lo"}
+                        : std::vector<std::string>{"name", "spheres", "spheres_columns"});
+  if (robot.has("base_pose") && robot["base_pose"].text() != "identity") {
+    robot["base_pose"].complain("only \"identity\" is supported");
+  }
+  if (robot.has("joint_limit_factors") && robot["joint_limit_factors"].flag()) {
+    robot["joint_limit_factors"].complain("costs of joint limits are not supported");
+  }
   RecordedRobot read;
   read.has_base = robot.has("base_T_torso");
   Chain chain(robot["name"].text());
@@ -156,6 +169,7 @@ constexpr int kMostCounted = 1'000'000;
 constexpr double kMostNodes = 1e8;
 
 GridSpec read_grid(const JsonEntry& grid) {
+  grid.expect_keys({"cell", "n", "origin", "definition"});
   GridSpec read;
   read.resolution_m = grid["cell"].positive();
   read.origin_m = grid["origin"].vector3().array() - 0.5 * read.resolution_m;
@@ -173,6 +187,7 @@ GridSpec read_grid(const JsonEntry& grid) {
 std::vector<RecordedBox> read_scene(const JsonEntry& scene) {
   std::vector<RecordedBox> boxes;
   for (const JsonEntry& box : scene.items()) {
+    box.expect_keys({"lo", "hi"});
     boxes.push_back({box["lo"].vector3(), box["hi"].vector3()});
     if (!(boxes.back().lower_m.array() <= boxes.back().upper_m.array()).all()) {
       box.complain("`lo` lies above `hi`");
@@ -182,6 +197,9 @@ std::vector<RecordedBox> read_scene(const JsonEntry& scene) {
 }
 
 RecordedSettings read_settings(const JsonEntry& settings) {
+  settings.expect_keys({"states", "total_step", "total_time_s", "Qc_diag", "obs_check_inter",
+                        "epsilon", "cost_sigma", "conf_prior_sigma", "vel_prior_sigma", "start_vel",
+                        "goal_vel", "gp_prior_factors", "obstacle_factors", "init", "optimizer"});
   RecordedSettings read;
   read.support_states = settings["states"].integer(3, 10'000);
   const int intervals = settings["total_step"].integer(1, 10'000);
@@ -252,6 +270,8 @@ class Columns {
 };
 
 RecordedRun read_run(const JsonEntry& run, const Columns& columns, int scenes, int pairs) {
+  run.expect_keys(
+      {"label", "field", "rel_tol", "max_iter", "results", "optimizer", "reps_min_taken"});
   RecordedRun read;
   read.label = run["label"].text();
   const std::string field = run["field"].text();
@@ -289,6 +309,8 @@ void read_configurations(const JsonEntry& root, RecordedProblems& problems) {
 Result<RecordedProblems> read_recorded_problems(const std::filesystem::path& file) {
   auto json = SIDESTEP_TRY(JsonEntry::read(file.string()));
   const JsonEntry root(json);
+  root.expect_keys({"configurations", "grid", "meta", "pairs", "result_columns", "robot", "runs",
+                    "scenes", "settings"});
   RecordedProblems problems;
   problems.file = file;
   problems.grid = read_grid(root["grid"]);

@@ -203,6 +203,80 @@ TEST_F(MoveItProblemsTest, RefusesWhatItWouldHaveToLeaveOut) {
               HasSubstr("one goal"));
 }
 
+/// Each of these was read before as if it were not there.
+TEST_F(MoveItProblemsTest, RefusesWhatItDoesNotKnow) {
+  const std::pair<std::string, std::string> in_scenes[] = {
+      {"  collision_objects:", "  colision_objects:"},
+      {"primitive_poses: [{", "primitve_poses: [{"},
+      {"dimensions: [0.1]", "dimensions: [0.1], scale: 2"},
+      {"      primitives: [{type: SPHERE, dimensions: [0.1]}]\n", ""},
+      {"orientation: {x: 0, y: 0, z: 0, w: 1}", "orientation: {x: 0, y: 0, z: 0, w: 1, W: 0}"},
+      {"[0, 0, 0, 1]}]", "[0, 0, 0, 1], scale: [2, 2, 2]}]"},
+      {"header: {frame_id: world}", "header: {frame_id: world, frame: tray}"},
+      {"name: [shoulder, elbow]", "name: [elbow, elbow]"},
+      {"world:", "is_diff: true\nworld:"},
+      {"world:", "link_padding: [{link_name: arm, padding: 0.1}]\nworld:"},
+      {"robot_state:",
+       "robot_state:\n  multi_dof_joint_state: {joint_names: [root], transforms: "
+       "[{translation: [1, 0, 0], rotation: [0, 0, 0, 1]}]}"},
+      {"world:", "octomap: {}\nworld:"}};
+  const char* const told[] = {
+      "scene0007.yaml:6:3: unknown key 'colision_objects' in `world` (did "
+      "you mean 'collision_objects'?)",
+      "unknown key 'primitve_poses' in `world.collision_objects[1]`",
+      "unknown key 'scale' in `world.collision_objects[1].primitives[0]`",
+      "there are no `primitives` for these poses",
+      "unknown key 'W'",
+      "unknown key 'scale' in `world.collision_objects[1].primitive_poses[0]`",
+      "unknown key 'frame' in `world.collision_objects[1].header`",
+      "joint 'elbow' stands here twice",
+      "this is only what changes a scene",
+      "links are taken as they are",
+      "the robot's root is not where the planning frame is",
+      "unknown key 'octomap'"};
+  for (std::size_t i = 0; i < std::size(in_scenes); ++i) {
+    const auto& [what, by] = in_scenes[i];
+    EXPECT_THAT(mistake(replaced(kScene, what, by), kRequest), HasSubstr(told[i])) << by;
+  }
+  const std::pair<std::string, std::string> in_requests[] = {
+      {"group_name: arm", "path_constraints: {orientation_constraints: [{link_name: arm}]}"},
+      {"group_name: arm",
+       "trajectory_constraints: {constraints: [{joint_constraints: [{joint_name: elbow}]}]}"},
+      {"group_name: arm", "goal_constraint: []"},
+      {"{joint_name: elbow, position: -0.1}",
+       "{joint_name: elbow, position: -0.1}\n      - {joint_name: elbow, position: 0.1}"},
+      {"position: [0.1, 0.04, 0.3]", "position: [0.1, 0.04, 0.3]\n    velocity: [0, 0, 0.2]"}};
+  const char* const told_of_requests[] = {
+      "`path_constraints.orientation_constraints`: constraints on the way are not supported",
+      "`trajectory_constraints.constraints[0].joint_constraints`: constraints on the way",
+      "request0007.yaml:7:1: unknown key 'goal_constraint' (did you mean 'goal_constraints'?)",
+      "joint 'elbow' stands here twice", "only motions from rest are supported"};
+  for (std::size_t i = 0; i < std::size(in_requests); ++i) {
+    const auto& [what, by] = in_requests[i];
+    EXPECT_THAT(mistake(kScene, replaced(kRequest, what, by)), HasSubstr(told_of_requests[i]))
+        << by;
+  }
+}
+
+TEST_F(MoveItProblemsTest, RefusesHalvesAndTwinsOfProblems) {
+  ASSERT_TRUE(read(kScene, kRequest));
+  const auto mistake_with = [&](const std::string& file, const std::string& content) {
+    const std::string name = "cubby_reacher/" + file;
+    (void)folder_.write(name, content);
+    const auto problems = read_moveit_family(folder_.path() / "cubby_reacher", reacher());
+    std::filesystem::remove(folder_.path() / name);
+    return problems ? "" : problems.error().describe();
+  };
+  EXPECT_THAT(mistake_with("scene0008.yaml", kScene), HasSubstr("there is no request0008.yaml"));
+  EXPECT_THAT(mistake_with("request0008.yml", kRequest), HasSubstr("there is no scene0008.yaml"));
+  EXPECT_THAT(mistake_with("request_other0007.yaml", kRequest),
+              HasSubstr("there is another request of this number"));
+  EXPECT_EQ(mistake_with("scene_sensed0007.yaml", "nothing of a scene"), "");
+  (void)folder_.write("cubby_reacher/scene0000000001.yaml", kScene);
+  EXPECT_THAT(mistake_with("request0000000001.yaml", kRequest),
+              HasSubstr("the number has more than 9 digits"));
+}
+
 TEST_F(MoveItProblemsTest, ReadsFamiliesInFoldersInOrderOfNamesAndNumbers) {
   for (const char* family : {"b_reacher", "a"}) {
     for (const char* number : {"0010", "0002"}) {

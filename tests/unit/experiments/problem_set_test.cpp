@@ -83,6 +83,33 @@ TEST_F(ProblemSetTest, ReadsAFolderInOrderOfNames) {
   EXPECT_EQ((*read)[1].family, "second");
 }
 
+TEST_F(ProblemSetTest, RefusesWhatItWouldHaveToLeaveOut) {
+  const auto with = [](const char* pointer, const Json& value) {
+    Json content = family("shelf");
+    content[Json::json_pointer(pointer)] = value;
+    return content;
+  };
+  EXPECT_EQ(mistake(with("/problems/0/other_joints", {{"finger", 0.1}})), "");
+  EXPECT_EQ(mistake(with("/units", {{"length", "m"}, {"angle", "rad"}})), "");
+  EXPECT_THAT(mistake(with("/units", {{"length", "mm"}})),
+              HasSubstr("set.json: units.length: only 'm' is supported"));
+  EXPECT_THAT(mistake(with("/obstacles", Json::array())),
+              HasSubstr("set.json: unknown key `obstacles`"));
+  EXPECT_THAT(mistake(with("/problems/0/obstacels", Json::array())),
+              HasSubstr("problems[0]: unknown key `obstacels`: did you mean 'obstacles'?"));
+  EXPECT_THAT(mistake(with("/problems/0/obstacles/2/size", {1.0, 1.0, 1.0})),
+              HasSubstr("problems[0].obstacles[2]: unknown key `size`"));
+  EXPECT_THAT(mistake(with("/joint_names", {"elbow", "elbow", "shoulder"})),
+              HasSubstr("joint_names[1]: joint 'elbow' stands here twice"));
+  // Of a key that an object has twice a parser keeps the last.
+  std::string text = family("shelf").dump();
+  text.insert(text.find("\"obstacles\""), "\"obstacles\":[],");
+  const auto twice = read_problem_set(folder_.write("set.json", text), shoulder_and_elbow());
+  ASSERT_FALSE(twice);
+  EXPECT_THAT(twice.error().describe(),
+              HasSubstr("set.json: an object has the key 'obstacles' twice"));
+}
+
 TEST_F(ProblemSetTest, NamesFileAndEntryOfAMistake) {
   Json content = family("shelf");
   content["problems"][0]["obstacles"][0]["size"][1] = 0.0;
