@@ -31,20 +31,26 @@ struct Settings {
 class DepthSequence final : public Source {
  public:
   DepthSequence(std::unique_ptr<Sequence> sequence, std::vector<SequenceEntry> selected,
-                Settings settings)
+                Settings settings, Log& log, const std::string& folder)
       : sequence_(std::move(sequence)),
         selected_(std::move(selected)),
-        settings_(std::move(settings)) {}
+        settings_(std::move(settings)),
+        tally_(log, folder, selected_.size()) {}
 
   Result<std::optional<Frame>> next(const Deadline& deadline) override {
     if (deadline.stop_requested()) return fail(ErrorCode::kCancelled, "reading was cancelled");
-    if (at_ >= selected_.size()) return std::optional<Frame>();
+    if (at_ >= selected_.size()) {
+      tally_.tell();
+      return std::optional<Frame>();
+    }
     if (deadline.expired()) {
       return fail(ErrorCode::kDeadlineExceeded, "no time was left to read a frame");
     }
     const std::size_t index = at_++;
-    auto frame = SIDESTEP_TRY(read(selected_[index], static_cast<std::int64_t>(index)));
-    return std::optional<Frame>(std::move(frame));
+    auto frame = read(selected_[index], static_cast<std::int64_t>(index));
+    tally_.count_frame(frame.has_value());
+    if (!frame) return error_of(frame);
+    return std::optional<Frame>(std::move(*frame));
   }
 
   std::optional<std::int64_t> frame_count() const override {
@@ -91,6 +97,7 @@ class DepthSequence final : public Source {
   std::unique_ptr<Sequence> sequence_;
   std::vector<SequenceEntry> selected_;
   Settings settings_;
+  recorded_frames::FrameTally tally_;
   std::size_t at_ = 0;
 };
 
@@ -221,7 +228,7 @@ Result<std::unique_ptr<Source>> create_source(const Options& options, Log& log,
     settings.T_world_sequence = T_world_sequence;
   }
   return std::unique_ptr<Source>(std::make_unique<DepthSequence>(
-      std::move(sequence), std::move(selected), std::move(settings)));
+      std::move(sequence), std::move(selected), std::move(settings), log, options.path.string()));
 }
 
 }  // namespace sidestep::depth_sequence

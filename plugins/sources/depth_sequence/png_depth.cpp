@@ -25,6 +25,7 @@ struct Decoding {
   std::size_t size;
   std::size_t at;
   char message[128];
+  bool is_strict;  ///< A warning is a mistake: of pixels, not of what else the file says.
 };
 
 void on_error(png_structp png, png_const_charp message) {
@@ -33,7 +34,10 @@ void on_error(png_structp png, png_const_charp message) {
   png_longjmp(png, 1);
 }
 
-void on_warning(png_structp, png_const_charp) {}
+void on_warning(png_structp png, png_const_charp message) {
+  const auto* decoding = static_cast<const Decoding*>(png_get_error_ptr(png));
+  if (decoding->is_strict) png_error(png, message);
+}
 
 void on_read(png_structp png, png_bytep out, png_size_t count) {
   auto* decoding = static_cast<Decoding*>(png_get_io_ptr(png));
@@ -56,12 +60,14 @@ bool decode(Decoding& decoding, std::uint16_t* pixels, int width, int height) {
   png_set_swap(png);  // PNG is big-endian
   const int passes = png_set_interlace_handling(png);
   png_read_update_info(png, info);
+  decoding.is_strict = true;
   for (int pass = 0; pass < passes; ++pass) {
     for (int row = 0; row < height; ++row) {
       png_read_row(png, reinterpret_cast<png_bytep>(pixels + std::ptrdiff_t{row} * width), nullptr);
     }
   }
   png_read_end(png, nullptr);
+  if (decoding.at < decoding.size) png_error(png, "the file goes on behind the image");
   png_destroy_read_struct(&png, &info, nullptr);
   return true;
 }
@@ -149,7 +155,7 @@ Result<RawDepth> read_png_depth(const std::filesystem::path& file) {
                 file.string());
   }
   image.values.resize(pixels);
-  Decoding decoding{bytes.data(), bytes.size(), 0, {}};
+  Decoding decoding{bytes.data(), bytes.size(), 0, {}, false};
   if (!decode(decoding, image.values.data(), size.width_px, size.height_px)) {
     return fail(ErrorCode::kBadFrame,
                 std::string("the PNG data are truncated or damaged: ") + decoding.message,

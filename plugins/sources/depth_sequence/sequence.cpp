@@ -6,6 +6,7 @@
 #include <cstdlib>
 #include <map>
 #include <optional>
+#include <set>
 #include <sstream>
 
 #include <Eigen/SVD>
@@ -20,6 +21,7 @@ namespace {
 constexpr std::string_view kPrefix = "frame-";
 constexpr std::string_view kDepthSuffix = ".depth.png";
 constexpr std::string_view kPoseSuffix = ".pose.txt";
+constexpr double kLargest_s = 9e9;  ///< Stamps hold nanoseconds in 64 bits.
 
 /// The number in "frame-000123.depth.png"; nothing for any other name.
 std::optional<std::int64_t> frame_number(std::string_view name, std::string_view suffix) {
@@ -78,8 +80,7 @@ Result<double> number(const std::string& word, const std::string& where) {
 
 Result<double> time(const std::string& word, const std::string& where) {
   auto value = number(word, where);
-  // Stamps hold nanoseconds in 64 bits.
-  if (value && !(std::abs(*value) < 9e9)) {
+  if (value && !(std::abs(*value) < kLargest_s)) {
     return fail(ErrorCode::kConfig, "'" + word + "' is no time in seconds", where);
   }
   return value;
@@ -100,6 +101,24 @@ Result<std::vector<SequenceEntry>> read_depth_list(const std::filesystem::path& 
       }));
   std::ranges::stable_sort(entries, {}, &SequenceEntry::stamp);
   return entries;
+}
+
+/// How many images lie beside listed ones and are not listed.
+std::size_t unlisted(const std::vector<SequenceEntry>& entries) {
+  std::set<std::filesystem::path> listed, folders;
+  for (const SequenceEntry& entry : entries) {
+    listed.insert(entry.depth_file.lexically_normal());
+    folders.insert(entry.depth_file.lexically_normal().parent_path());
+  }
+  std::size_t count = 0;
+  std::error_code error;  // of a folder that is not there, whose frames tell
+  for (const std::filesystem::path& folder : folders) {
+    for (auto file = std::filesystem::directory_iterator(folder, error);
+         !error && file != std::filesystem::directory_iterator(); file.increment(error)) {
+      if (file->path().extension() == ".png" && !listed.contains(file->path())) ++count;
+    }
+  }
+  return count;
 }
 
 Result<std::vector<TimedPose>> read_poses(const std::filesystem::path& file) {
@@ -356,23 +375,44 @@ Result<Transform> read_T_world_sequence(const std::filesystem::path& file,
 
 Result<std::unique_ptr<Sequence>> open_seven_scenes(const Options& options, Log& log) {
   // A frame counts if either of its files is there; what is missing is told frame by frame.
-  std::map<std::int64_t, std::filesystem::path> depth_files;
+  std::map<std::int64_t, std::filesystem::path> depth_files, pose_files;
+  std::size_t others = 0;
   std::error_code error;
   for (auto file = std::filesystem::directory_iterator(options.path, error);
        !error && file != std::filesystem::directory_iterator(); file.increment(error)) {
     const std::string name = file->path().filename().string();
-    if (const auto number = frame_number(name, kDepthSuffix)) {
-      depth_files[*number] = file->path();
-    } else if (const auto posed = frame_number(name, kPoseSuffix)) {
-      const std::string stem = name.substr(0, name.size() - kPoseSuffix.size());
-      depth_files.try_emplace(*posed, options.path / (stem + std::string(kDepthSuffix)));
+    const bool is_depth = name.ends_with(kDepthSuffix);
+    if (!name.starts_with(kPrefix) || !(is_depth || name.ends_with(kPoseSuffix))) {
+      ++others;
+      continue;
     }
+    const auto number = frame_number(name, is_depth ? kDepthSuffix : kPoseSuffix);
+    if (!number || static_cast<double>(*number) / options.rate_hz >= kLargest_s) {
+      return fail(ErrorCode::kConfig,
+                  number ? "the frame's number is no time at rate_hz: stamps end at 285 years"
+                         : "the frame has no number",
+                  file->path().string());
+    }
+    const auto [known, is_new] =
+        (is_depth ? depth_files : pose_files).emplace(*number, file->path());
+    if (is_new) continue;
+    return fail(ErrorCode::kConfig,
+                "'" + known->second.filename().string() + "' has this number, too",
+                file->path().string());
   }
   if (error) {
     return fail(ErrorCode::kIo, "the folder cannot be read: " + error.message(),
                 options.path.string());
   }
-  if (depth_files.empty()) return std::unique_ptr<Sequence>();
+  if (depth_files.empty() && pose_files.empty()) return std::unique_ptr<Sequence>();
+  log.debug("read " + options.path.string() + ": " + std::to_string(depth_files.size()) +
+            " depth images and " + std::to_string(pose_files.size()) +
+            " poses of layout seven_scenes, " + std::to_string(others) + " other files");
+  for (const auto& [number, file] : pose_files) {
+    const std::string name = file.filename().string();
+    const std::string stem = name.substr(0, name.size() - kPoseSuffix.size());
+    depth_files.try_emplace(number, options.path / (stem + std::string(kDepthSuffix)));
+  }
   std::vector<SequenceEntry> entries;
   entries.reserve(depth_files.size());
   for (const auto& [number, file] : depth_files) {
@@ -389,7 +429,7 @@ Result<std::unique_ptr<Sequence>> open_seven_scenes(const Options& options, Log&
   return std::unique_ptr<Sequence>(std::make_unique<SevenScenes>(std::move(entries)));
 }
 
-Result<std::unique_ptr<Sequence>> open_tum(const Options& options, Log&) {
+Result<std::unique_ptr<Sequence>> open_tum(const Options& options, Log& log) {
   std::error_code ignored;
   if (!std::filesystem::is_regular_file(options.path / "depth.txt", ignored)) {
     return std::unique_ptr<Sequence>();
@@ -398,6 +438,12 @@ Result<std::unique_ptr<Sequence>> open_tum(const Options& options, Log&) {
   if (entries.empty()) return std::unique_ptr<Sequence>();
   const auto pose_file = options.path / "groundtruth.txt";
   auto poses = SIDESTEP_TRY(read_poses(pose_file));
+  log.debug("read " + options.path.string() + ": " + std::to_string(entries.size()) +
+            " depth images and " + std::to_string(poses.size()) + " poses of layout tum");
+  if (const std::size_t count = unlisted(entries); count > 0) {
+    log.warn(options.path.string() + ": " + std::to_string(count) +
+             " images beside those of depth.txt are not listed there, and not read");
+  }
   return std::unique_ptr<Sequence>(std::make_unique<Tum>(
       std::move(entries), std::move(poses), pose_file.string(), options.max_pose_gap_s));
 }
@@ -416,6 +462,8 @@ Result<std::unique_ptr<Sequence>> open_open3d(const Options& options, Log& log) 
   auto poses = SIDESTEP_TRY(read_trajectory_log(pose_file));
   const auto files = SIDESTEP_TRY(png_files(folder));
   if (files.empty()) return std::unique_ptr<Sequence>();
+  log.debug("read " + options.path.string() + ": " + std::to_string(files.size()) +
+            " depth images and " + std::to_string(poses.size()) + " poses of layout open3d");
   if (files.size() != poses.size()) {
     log.warn(pose_file.string() + " has " + std::to_string(poses.size()) + " poses for " +
              std::to_string(files.size()) + " images: they are taken in order");

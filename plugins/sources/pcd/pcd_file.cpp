@@ -8,6 +8,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <limits>
+#include <set>
 #include <sstream>
 
 #include <sidestep/core/file.hpp>
@@ -63,7 +64,10 @@ class HeaderReader {
   }
 
   Result<void> take(const std::string& key, const Words& words) {
-    if (key == "VERSION") return {};
+    if (!lines_.insert(key == "COLUMNS" ? "FIELDS" : key).second) {
+      return bad("there is a second line " + key);
+    }
+    if (key == "VERSION") return take_version(words);
     if (key == "FIELDS" || key == "COLUMNS") return take_names(words);
     if (key == "SIZE") return take_numbers(key, words, 1, 8, &PcdField::size_bytes);
     if (key == "COUNT") return take_numbers(key, words, 0, 1 << 20, &PcdField::count);
@@ -76,9 +80,14 @@ class HeaderReader {
     return bad("'" + key.substr(0, 40) + "' is no line of a PCD header");
   }
 
+  Result<void> take_version(const Words& words) {
+    constexpr std::array kRead = {".5", "0.5", ".6", "0.6", ".7", "0.7"};
+    if (words.size() == 1 && std::ranges::find(kRead, words[0]) != kRead.end()) return {};
+    return bad("VERSION is none of 0.5, 0.6 and 0.7");
+  }
+
   Result<void> take_names(const Words& words) {
     if (words.empty()) return bad("FIELDS names no field");
-    header_.fields.clear();
     for (const std::string& name : words) header_.fields.push_back({.name = name});
     return {};
   }
@@ -158,7 +167,9 @@ class HeaderReader {
   }
 
   Result<PcdHeader> finish() {
-    if (header_.fields.empty()) return bad("the header has no line FIELDS");
+    for (const char* line : {"FIELDS", "SIZE", "TYPE"}) {
+      if (!lines_.contains(line)) return bad(std::string("the header has no line ") + line);
+    }
     if (!points_ && !(width_ && height_)) {
       return bad("the header does not say how many points there are (POINTS, or WIDTH and HEIGHT)");
     }
@@ -186,6 +197,7 @@ class HeaderReader {
   int line_ = 0;
   PcdHeader header_;
   std::optional<std::size_t> width_, height_, points_;
+  std::set<std::string> lines_;  ///< Those that there were.
 };
 
 static_assert(std::endian::native == std::endian::little, "PCD files are little endian");
@@ -225,6 +237,9 @@ Result<Coordinates> find_coordinates(const PcdHeader& header, const std::string&
                   file);
     }
     at.size_bytes = field.size_bytes;
+    if (std::ranges::count(header.fields, name, &PcdField::name) > 1) {
+      return fail(ErrorCode::kBadFrame, "there are several fields " + name, file);
+    }
     coordinates[axis] = at;
   }
   return coordinates;
@@ -329,6 +344,12 @@ tl::unexpected<Error> cut_off(std::size_t has, std::size_t needs, const std::str
               file);
 }
 
+tl::unexpected<Error> goes_on(std::size_t has, std::size_t needs, const std::string& file) {
+  return fail(ErrorCode::kBadFrame,
+              "the file goes on behind its points, by " + std::to_string(has - needs) + " bytes",
+              file);
+}
+
 Result<std::vector<Eigen::Vector3f>> read_binary(std::span<const std::uint8_t> data,
                                                  const PcdHeader& header,
                                                  const Coordinates& coordinates,
@@ -336,6 +357,9 @@ Result<std::vector<Eigen::Vector3f>> read_binary(std::span<const std::uint8_t> d
   const std::size_t stride = header.bytes_per_point();
   if (data.size() < header.points * stride) {
     return cut_off(data.size(), header.points * stride, file);
+  }
+  if (data.size() > header.points * stride) {
+    return goes_on(data.size(), header.points * stride, file);
   }
   return gather(data, header.points, coordinates,
                 {coordinates[0].byte, coordinates[1].byte, coordinates[2].byte},
@@ -352,6 +376,7 @@ Result<std::vector<Eigen::Vector3f>> read_compressed(std::span<const std::uint8_
   std::memcpy(sizes.data(), data.data(), sizeof sizes);
   const auto packed = data.subspan(sizeof sizes);
   if (packed.size() < sizes[0]) return cut_off(packed.size(), sizes[0], file);
+  if (packed.size() > sizes[0]) return goes_on(packed.size(), sizes[0], file);
   const std::size_t needed = header.points * header.bytes_per_point();
   if (sizes[1] != needed) {
     return fail(ErrorCode::kBadFrame,
@@ -444,7 +469,8 @@ Result<PcdCloud> read_pcd(const std::filesystem::path& path) {
                     : "none of the file's " + std::to_string(header.points) + " points is finite",
                 file);
   }
-  return PcdCloud{std::move(points), header.T_world_sensor};
+  const std::size_t not_finite = header.points - points.size();
+  return PcdCloud{std::move(points), not_finite, header.T_world_sensor};
 }
 
 }  // namespace sidestep::pcd

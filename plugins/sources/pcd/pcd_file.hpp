@@ -47,13 +47,14 @@ struct PcdHeader {
 /// The points of a PCD file, in the file's frame and order, without those that are not finite.
 struct PcdCloud {
   std::vector<Eigen::Vector3f> points_m;
+  std::size_t not_finite = 0;               ///< Points of the file that are none of these.
   std::optional<Transform> T_world_sensor;  ///< VIEWPOINT, where the file has one.
 };
 
 /// Reads a PCD file of versions 0.5 to 0.7, ascii, binary or binary_compressed. Its fields x, y
 /// and z must be floating-point numbers; other fields are skipped. Fails with kBadFrame, naming the
-/// file and where it can the line, where the file cannot be read, is cut off, is damaged or holds
-/// no point.
+/// file and where it can the line, where the file cannot be read, is cut off, goes on behind its
+/// points, is damaged or holds no point.
 [[nodiscard]] Result<PcdCloud> read_pcd(const std::filesystem::path& path);
 
 }  // namespace sidestep::pcd

@@ -103,18 +103,25 @@ struct Entry {
 
 class PcdSource final : public Source {
  public:
-  PcdSource(Options options, std::vector<Entry> entries, std::uint64_t seed)
-      : options_(std::move(options)), entries_(std::move(entries)), seed_(seed) {}
+  PcdSource(Options options, std::vector<Entry> entries, std::uint64_t seed, Log& log)
+      : options_(std::move(options)),
+        entries_(std::move(entries)),
+        seed_(seed),
+        tally_(log, options_.path.string(), entries_.size()) {}
 
   Result<std::optional<Frame>> next(const Deadline& deadline) override {
     if (deadline.stop_requested()) return fail(ErrorCode::kCancelled, "reading was cancelled");
-    if (at_ >= entries_.size()) return std::optional<Frame>();
+    if (at_ >= entries_.size()) {
+      tally_.tell();
+      return std::optional<Frame>();
+    }
     if (deadline.expired()) {
       return fail(ErrorCode::kDeadlineExceeded, "no time was left to read a cloud");
     }
     const std::size_t index = at_++;
     const Entry& entry = entries_[index];
     auto frame = read(entry, static_cast<std::int64_t>(index));
+    tally_.count_frame(frame.has_value());
     if (!frame) {
       Error error = std::move(frame.error());
       const std::string file = error.where.empty() ? entry.file.string() : error.where;
@@ -129,8 +136,9 @@ class PcdSource final : public Source {
   }
 
  private:
-  [[nodiscard]] Result<Frame> read(const Entry& entry, std::int64_t index) const {
+  [[nodiscard]] Result<Frame> read(const Entry& entry, std::int64_t index) {
     auto cloud = SIDESTEP_TRY(read_pcd(entry.file));
+    tally_.count_left_out("points are not finite", cloud.not_finite);
     const auto pose = SIDESTEP_TRY(pose_of(entry, cloud));
     Frame frame;
     frame.sequence = index;
@@ -168,15 +176,21 @@ class PcdSource final : public Source {
   Options options_;
   std::vector<Entry> entries_;
   std::uint64_t seed_;
+  recorded_frames::FrameTally tally_;
   std::size_t at_ = 0;
 };
 
-Result<std::vector<Entry>> find_clouds(const Options& options) {
+Result<std::vector<Entry>> find_clouds(const Options& options, Log& log) {
   std::error_code ignored;
   std::vector<std::filesystem::path> files;
+  std::size_t others = 0;
   if (std::filesystem::is_directory(options.path, ignored)) {
     for (const auto& item : std::filesystem::directory_iterator(options.path, ignored)) {
-      if (item.path().extension() == ".pcd") files.push_back(item.path());
+      if (item.path().extension() == ".pcd") {
+        files.push_back(item.path());
+      } else {
+        ++others;
+      }
     }
     if (files.empty()) {
       return fail(ErrorCode::kNotFound, "the folder holds no .pcd file", options.path.string());
@@ -188,6 +202,8 @@ Result<std::vector<Entry>> find_clouds(const Options& options) {
     return fail(ErrorCode::kNotFound, "there is no such file or folder of point clouds",
                 options.path.string(), "set source.path");
   }
+  log.debug("read " + options.path.string() + ": " + std::to_string(files.size()) +
+            " point clouds, " + std::to_string(others) + " other files");
   std::vector<Entry> entries;
   for (std::filesystem::path& file : files) {
     const auto number = static_cast<std::int64_t>(entries.size());
@@ -344,16 +360,24 @@ std::vector<OptionMistake> Options::check() const {
   return mistakes;
 }
 
-Result<std::unique_ptr<Source>> create_source(const Options& options, std::uint64_t seed) {
-  auto entries = SIDESTEP_TRY(find_clouds(options));
+Result<std::unique_ptr<Source>> create_source(const Options& options, std::uint64_t seed,
+                                              Log& log) {
+  auto entries = SIDESTEP_TRY(find_clouds(options, log));
+  const std::size_t all = entries.size();
   if (options.poses) {
     auto poses = SIDESTEP_TRY(read_poses(*options.poses));
+    log.debug("read " + options.poses->string() + ": " + std::to_string(poses.size()) + " poses");
     SIDESTEP_TRY(options.match == "order" ? match_in_order(options, poses, entries)
                                           : match_by_stamp(options, std::move(poses), entries));
   }
   auto selected = SIDESTEP_TRY(recorded_frames::chosen_frames(
       std::move(entries), options, "point clouds", options.path.string()));
-  return std::unique_ptr<Source>(std::make_unique<PcdSource>(options, std::move(selected), seed));
+  if (selected.size() < all) {
+    log.warn("hands out " + std::to_string(selected.size()) + " of " + std::to_string(all) +
+             " point clouds, as first_frame, stride and max_frames say");
+  }
+  return std::unique_ptr<Source>(
+      std::make_unique<PcdSource>(options, std::move(selected), seed, log));
 }
 
 }  // namespace sidestep::pcd

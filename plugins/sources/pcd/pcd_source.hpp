@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include <sidestep/core/log.hpp>
 #include <sidestep/plugin/parameters.hpp>
 #include <sidestep/sensing/source.hpp>
 
@@ -67,8 +68,9 @@ struct Options {
 };
 
 /// Opens a file or folder of point clouds. Fails with kNotFound where there is none, kConfig where
-/// the options or the file of poses are wrong. `seed` decides what the plane filter tries.
+/// the options or the file of poses are wrong. `seed` decides what the plane filter tries; `log`,
+/// which outlives the source, is told what was read.
 [[nodiscard]] Result<std::unique_ptr<Source>> create_source(const Options& options,
-                                                            std::uint64_t seed);
+                                                            std::uint64_t seed, Log& log);
 
 }  // namespace sidestep::pcd

@@ -5,7 +5,7 @@
 namespace sidestep::pcd {
 
 static Result<std::unique_ptr<Source>> create(const Options& options, const HostContext& context) {
-  return create_source(options, context.seed);
+  return create_source(options, context.seed, context.log);
 }
 
 }  // namespace sidestep::pcd

@@ -1,13 +1,16 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include <sidestep/core/error.hpp>
+#include <sidestep/core/log.hpp>
 
 namespace sidestep::recorded_frames {
 
@@ -43,5 +46,32 @@ using HandleWords =
 /// Fails with that, or with kNotFound. [any]; allocates.
 [[nodiscard]] Result<void> for_each_line(const std::filesystem::path& file,
                                          const HandleWords& handle);
+
+/// Counts what becomes of the frames of a recording, for the log: told once, at its end or when the
+/// source goes. One thread.
+class FrameTally {
+ public:
+  /// Of `total` frames of `recording`. `log` outlives it.
+  FrameTally(Log& log, std::string recording, std::size_t total)
+      : log_(log), recording_(std::move(recording)), total_(total) {}
+  ~FrameTally();
+  FrameTally(const FrameTally&) = delete;
+  FrameTally& operator=(const FrameTally&) = delete;
+
+  void count_frame(bool is_usable) { ++(is_usable ? handed_out_ : unusable_); }
+  /// Something else that was left out of frames, e.g. "points are not finite".
+  void count_left_out(const std::string& what, std::size_t count) { left_out_[what] += count; }
+
+  /// Says nothing where no frame was asked for, or all was said.
+  void tell();
+
+ private:
+  Log& log_;
+  std::string recording_;
+  std::size_t total_;
+  std::size_t handed_out_ = 0;
+  std::size_t unusable_ = 0;
+  std::map<std::string, std::size_t> left_out_;
+};
 
 }  // namespace sidestep::recorded_frames

@@ -262,7 +262,11 @@ class BagScan {
   void scan_compressed(const Bag::StoredChunk& chunk, std::uint64_t at) {
     const auto number = static_cast<std::int32_t>(bag_.chunks_.size());
     bag_.chunks_.push_back(chunk);
-    const std::string wrong = bag_.load(number);
+    std::string wrong = bag_.load(number);
+    const bool is_short = bag_.chunk_bytes_.size() < chunk.most_bytes;
+    if (wrong.empty() && is_short && chunk.most_bytes != kMostUnfinished) {
+      wrong = "its data are shorter than it says";
+    }
     chunk_was_damaged_ = false;
     if (bag_.loaded_ == number) {
       const MemoryBytes bytes(bag_.chunk_bytes_);
@@ -297,11 +301,20 @@ class BagScan {
         return add_connection(record, bytes) ? "" : "a connection's record is damaged";
       case Op::kMessage: return take_message(record, bytes, chunk);
       case Op::kChunkInfo: ++chunk_infos_; return "";
-      case Op::kIndex:
+      case Op::kIndex: return take_index(record);
       case Op::kFile: return "";
       case Op::kChunk: return "a chunk lies in a chunk";
     }
     return "there is no record";
+  }
+
+  /// The messages that a chunk should have had, for check_ending().
+  std::string take_index(const Record& record) {
+    const auto number = record.fields.number<std::uint32_t>("conn");
+    const auto count = record.fields.number<std::uint32_t>("count");
+    if (!number || !count) return "a chunk's index is damaged";
+    indexed_[*number] += *count;
+    return "";
   }
 
   bool add_connection(const Record& record, const ByteSource& bytes) {
@@ -318,10 +331,10 @@ class BagScan {
     if (!fields) return false;
     const bool is_in_index = &bytes == &file_ && record.data_offset >= bag_.index_offset_;
     if (is_in_index) last_connections_.insert(*number);
-    bag_.connections_.try_emplace(*number,
-                                  Connection{std::string(*topic), text_of(fields->find("type")),
-                                             text_of(fields->find("md5sum"))});
-    return true;
+    const Connection told{std::string(*topic), text_of(fields->find("type")),
+                          text_of(fields->find("md5sum"))};
+    const auto [known, is_new] = bag_.connections_.try_emplace(*number, told);
+    return is_new || known->second == told;
   }
 
   std::string take_message(const Record& record, const ByteSource& bytes, std::int32_t chunk) {
@@ -329,6 +342,7 @@ class BagScan {
     const auto received = record.fields.time("time");
     if (!number || !received) return "a message's record is damaged";
     last_ = *received;
+    ++bag_.message_counts_[*number];
     const auto connection = bag_.connections_.find(*number);
     if (connection == bag_.connections_.end()) return "a message belongs to no topic";
     auto wanted = wanted_.find(*number);
@@ -354,6 +368,17 @@ class BagScan {
     } else if (last_connections_.size() < bag_.connection_count_ ||
                chunk_infos_ < bag_.chunk_count_) {
       damage(end_, "it is cut off in its index; the messages are all there");
+    } else if (bag_.damages_.empty()) {
+      check_counts();
+    }
+  }
+
+  void check_counts() {
+    for (const auto& [number, connection] : bag_.connections_) {
+      const std::uint64_t found = bag_.message_count(number);
+      if (found >= indexed_[number]) continue;
+      damage(end_, "its chunks should hold " + std::to_string(indexed_[number]) + " messages on " +
+                       connection.topic + ", and hold " + std::to_string(found));
     }
   }
 
@@ -372,7 +397,8 @@ class BagScan {
   BagVisitor& visitor_;
   std::map<std::uint32_t, std::size_t> wanted_;  ///< By connection.
   std::vector<std::uint8_t> message_;
-  std::set<std::uint32_t> last_connections_;  ///< Met in the index.
+  std::set<std::uint32_t> last_connections_;        ///< Met in the index.
+  std::map<std::uint32_t, std::uint64_t> indexed_;  ///< Messages by connection, as chunks say.
   std::uint32_t chunk_infos_ = 0;
   std::optional<Stamp> last_;
   std::optional<std::uint64_t> in_chunk_at_;  ///< While a decompressed chunk is scanned.
@@ -382,6 +408,7 @@ class BagScan {
 
 void Bag::scan(BagVisitor& visitor) {
   connections_.clear();
+  message_counts_.clear();
   chunks_.clear();
   damages_.clear();
   loaded_ = -1;

@@ -42,6 +42,7 @@ struct Connection {
   std::string topic;
   std::string type;    ///< E.g. "sensor_msgs/Image".
   std::string md5sum;  ///< Of the type's definition.
+  friend bool operator==(const Connection&, const Connection&) = default;
 };
 
 /// Where a message lies.
@@ -91,6 +92,11 @@ class Bag {
   [[nodiscard]] const std::map<std::uint32_t, Connection>& connections() const noexcept {
     return connections_;
   }
+  /// How many messages of a connection the scan met, wanted or not.
+  [[nodiscard]] std::uint64_t message_count(std::uint32_t connection) const {
+    const auto found = message_counts_.find(connection);
+    return found == message_counts_.end() ? 0 : found->second;
+  }
   /// In the order of the file; empty where it is whole.
   [[nodiscard]] const std::vector<Damage>& damages() const noexcept { return damages_; }
   [[nodiscard]] const std::filesystem::path& file() const noexcept { return file_; }
@@ -123,6 +129,7 @@ class Bag {
   std::uint64_t first_record_ = 0;
 
   std::map<std::uint32_t, Connection> connections_;
+  std::map<std::uint32_t, std::uint64_t> message_counts_;  ///< By connection.
   std::vector<StoredChunk> chunks_;
   std::vector<Damage> damages_;
   std::int32_t loaded_ = -1;  ///< Of chunks_, the one that chunk_bytes_ holds.

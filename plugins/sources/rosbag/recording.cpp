@@ -1,6 +1,11 @@
 #include "recording.hpp"
 
 #include <functional>
+#include <map>
+#include <string>
+#include <vector>
+
+#include <sidestep/core/node.hpp>
 
 #include "conversions.hpp"
 
@@ -89,6 +94,12 @@ class Collector final : public BagVisitor {
       ++reader.messages;
       if (!reader.take(connection, ref, bytes)) ++reader.unusable;
     });
+  }
+
+  [[nodiscard]] bool reads(const Connection& connection) const {
+    const auto [from, to] = readers_.equal_range(connection.topic);
+    return std::any_of(from, to,
+                       [&](const auto& entry) { return has_right_type(connection, entry.second); });
   }
 
   /// By topic; one may serve several purposes.
@@ -276,6 +287,10 @@ Result<void> check_topics(const Options& options, const Collector& collector, co
 void tell_unusable(const Collector& collector, const Recording& recording, const Bag& bag,
                    Log& log) {
   for (const auto& [topic, reader] : collector.readers()) {
+    if (!reader.wrong_type.empty()) {
+      log.warn(bag.file().string() + ": messages on " + topic + " of " + reader.wrong_type +
+               " are not read: not of " + joined(reader.types) + " as ROS 1 defines it");
+    }
     if (reader.unusable > 0) {
       log.warn(bag.file().string() + ": of " + std::to_string(reader.messages) + " messages on " +
                topic + ", " + std::to_string(reader.unusable) +
@@ -291,6 +306,23 @@ void tell_unusable(const Collector& collector, const Recording& recording, const
   }
 }
 
+/// What was read of a bag and what was passed over, by topic.
+void tell_counts(const Collector& collector, const Bag& bag, Log& log) {
+  std::map<std::string, std::uint64_t> read, passed_over;
+  for (const auto& [number, connection] : bag.connections()) {
+    (collector.reads(connection) ? read : passed_over)[connection.topic] +=
+        bag.message_count(number);
+  }
+  const auto listed = [](const std::map<std::string, std::uint64_t>& counts) {
+    std::vector<std::string> texts;
+    for (const auto& [topic, count] : counts)
+      texts.push_back(std::to_string(count) + " on " + topic);
+    return texts.empty() ? "none" : joined(texts);
+  };
+  log.debug("read " + bag.file().string() + ": messages " + listed(read) +
+            "; passed over: " + listed(passed_over));
+}
+
 }  // namespace
 
 Result<Recording> read_recording(Bag& bag, const Options& options, Log& log) {
@@ -298,6 +330,7 @@ Result<Recording> read_recording(Bag& bag, const Options& options, Log& log) {
   Collector collector(options, recording);
   bag.scan(collector);
   tell_unusable(collector, recording, bag, log);
+  tell_counts(collector, bag, log);
   SIDESTEP_TRY(check_topics(options, collector, bag));
   std::ranges::stable_sort(recording.measurements, {}, &Measurement::stamp);
   return recording;

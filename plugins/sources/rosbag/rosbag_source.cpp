@@ -16,6 +16,7 @@
 
 #include "bag.hpp"
 #include "conversions.hpp"
+#include "recorded_frames.hpp"
 #include "recording.hpp"
 
 namespace sidestep::rosbag {
@@ -234,15 +235,16 @@ struct Parts {
 
 class RosbagSource final : public Source {
  public:
-  RosbagSource(const Options& options, Parts parts, const Clock& clock)
+  RosbagSource(const Options& options, Parts parts, const HostContext& context)
       : options_(options),
         range_{options.depth_min_m, options.depth_max_m},
         offset_(Stamp::from_seconds(options.pose.offset_s)),
         bag_(std::move(parts.bag)),
         recording_(std::move(parts.recording)),
         viewpoints_(std::move(parts.viewpoints)),
-        clock_(clock),
-        playback_(stamps_of(*recording_), options.rate) {}
+        clock_(context.clock),
+        playback_(stamps_of(*recording_), options.rate),
+        tally_(context.log, options.path.string(), recording_->measurements.size()) {}
 
   Result<std::optional<Frame>> next(const Deadline& deadline) override {
     if (deadline.stop_requested()) return fail(ErrorCode::kCancelled, "reading was cancelled");
@@ -254,6 +256,7 @@ class RosbagSource final : public Source {
     }
     const std::size_t index = at_++;
     auto frame = read(recording_->measurements[index], index);
+    tally_.count_frame(frame.has_value());
     if (!frame) {
       Error error = std::move(frame.error());
       error.code = ErrorCode::kBadFrame;
@@ -285,6 +288,7 @@ class RosbagSource final : public Source {
     for (;; std::this_thread::sleep_for(kPoll)) {
       if (deadline.stop_requested()) return fail(ErrorCode::kCancelled, "reading was cancelled");
       if (const auto newest = playback_.newest_due(clock_.now()); newest && *newest >= at_) {
+        tally_.count_left_out("overtaken by later ones", *newest - at_);
         at_ = *newest;
         return {};
       }
@@ -296,7 +300,10 @@ class RosbagSource final : public Source {
   }
 
   Result<std::optional<Frame>> next_damage() {
-    if (told_damages_ >= bag_->damages().size()) return std::optional<Frame>();
+    if (told_damages_ >= bag_->damages().size()) {
+      tally_.tell();
+      return std::optional<Frame>();
+    }
     const Damage& damage = bag_->damages()[told_damages_++];
     return fail(ErrorCode::kBadFrame, "the bag is damaged: " + damage.describe(),
                 bag_->file().string(), "the frames that could be read came before this");
@@ -342,6 +349,8 @@ class RosbagSource final : public Source {
   Result<std::string> read_cloud(std::span<const std::uint8_t> bytes, Frame& frame) {
     const auto message = SIDESTEP_TRY(deserialise<ros_messages::PointCloud2>(bytes));
     auto cloud = SIDESTEP_TRY(ros_messages::point_cloud(message));
+    tally_.count_left_out("points are not finite",
+                          std::size_t{message.width} * message.height - cloud.points_m.size());
     if (options_.points_in == "forward") {
       const Eigen::Matrix3f R_optical_forward =
           T_forward_optical().linear().transpose().cast<float>();
@@ -376,6 +385,7 @@ class RosbagSource final : public Source {
   Viewpoints viewpoints_;
   const Clock& clock_;
   Playback playback_;
+  recorded_frames::FrameTally tally_;
   std::size_t at_ = 0;
   std::size_t told_damages_ = 0;
 };
@@ -430,7 +440,7 @@ Result<std::unique_ptr<Source>> create_source(const Options& options, const Host
   auto viewpoints =
       SIDESTEP_TRY(Viewpoints::create(*kept, options, context.robot, measured_in, file));
   return std::unique_ptr<Source>(std::make_unique<RosbagSource>(
-      options, Parts{std::move(bag), std::move(kept), std::move(viewpoints)}, context.clock));
+      options, Parts{std::move(bag), std::move(kept), std::move(viewpoints)}, context));
 }
 
 }  // namespace sidestep::rosbag

@@ -251,8 +251,13 @@ std::vector<OptionMistake> Options::check() const {
 
 /// The scene of the options for one seed, with all ways that people walk whatever the robot does.
 Result<Scene> scene_of(const Options& options, const HostContext& context) {
-  Scene scene = SIDESTEP_TRY(
-      load_scene(options.scene.value_or("room"), context.scene_paths, context.documents));
+  const std::filesystem::path name = options.scene.value_or("room");
+  Scene scene = SIDESTEP_TRY(load_scene(name, context.scene_paths, context.documents));
+  const auto moving = std::ranges::count_if(scene.objects(), &SceneObject::moves);
+  context.log.debug("read scene " + name.string() + ": " + std::to_string(scene.objects().size()) +
+                    " objects, " + std::to_string(moving) + " of them moving, " +
+                    std::to_string(scene.people().groups.size()) + " groups of people, " +
+                    std::to_string(scene.people().persons.size()) + " recorded people");
   if (options.alone) {
     std::vector<SceneObject> standing = scene.objects();
     std::erase_if(standing, [](const SceneObject& object) { return object.moves(); });

@@ -116,6 +116,39 @@ TEST_F(SevenScenes, SelectsFramesByFirstStrideAndNumber) {
   EXPECT_THAT(create().error().describe(), HasSubstr("there are only 4 frames"));
 }
 
+TEST_F(SevenScenes, CountsForTheLogWhatItReadAndLeftOut) {
+  std::filesystem::remove(depth_file(2));                             // a pose without an image
+  std::filesystem::remove(folder_.path() / (stem(3) + ".pose.txt"));  // an image without a pose
+  folder_.write(stem(0) + ".color.png", "");
+  const auto frames = read_all();
+  ASSERT_EQ(frames.size(), 4U);
+  EXPECT_TRUE(frames[1]);
+  EXPECT_FALSE(frames[2]);
+  EXPECT_FALSE(frames[3]);
+  const std::string folder = folder_.path().string();
+  EXPECT_THAT(log_.messages(),
+              ElementsAre("read " + folder +
+                              ": 3 depth images and 3 poses of layout seven_scenes, 2 other files",
+                          folder + ": 2 of 4 frames handed out, 2 unusable"));
+}
+
+TEST_F(SevenScenes, RefusesFramesWhoseNumbersAreNone) {
+  const auto complaint_about = [&](const std::string& name) {
+    folder_.write(name, pose_text(0));
+    const auto source = create();
+    std::filesystem::remove(folder_.path() / name);
+    return source ? "no error" : source.error().describe();
+  };
+  EXPECT_THAT(complaint_about("frame-00000x.depth.png"), HasSubstr("the frame has no number"));
+  EXPECT_THAT(complaint_about("frame-.pose.txt"), HasSubstr("the frame has no number"));
+  EXPECT_THAT(complaint_about("frame-99999999999999999999.pose.txt"),
+              HasSubstr("the frame has no number"));
+  EXPECT_THAT(complaint_about("frame-9223372036854775807.depth.png"),
+              HasSubstr("stamps end at 285 years"));
+  EXPECT_THAT(complaint_about("frame-02.depth.png"), HasSubstr("has this number, too"));
+  EXPECT_THAT(complaint_about("frame-0002.pose.txt"), HasSubstr("has this number, too"));
+}
+
 TEST_F(SevenScenes, AppliesTheWorldFrameUnlessToldNot) {
   folder_.write("world.yaml",
                 "T_world_sequence:\n  - [0, -1, 0, 5]\n  - [1, 0, 0, 6]\n  - [0, 0, 1, 7]\n"
@@ -208,7 +241,8 @@ TEST_F(SevenScenes, TellsOfGapsInTheNumbers) {
   write_frame(9);
   EXPECT_EQ(read_all().size(), 5U);
   EXPECT_THAT(log_.messages(),
-              ElementsAre(HasSubstr("5 frames are missing between number 0 and 9")));
+              ::testing::Contains(HasSubstr("5 frames are missing between number 0 and 9")));
+  EXPECT_EQ(log_.count(LogLevel::kWarning), 1);
 }
 
 TEST_F(SevenScenes, FailsWhereNoneOfTheImagesCanBeRead) {

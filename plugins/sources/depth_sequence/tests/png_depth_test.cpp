@@ -63,6 +63,40 @@ TEST_F(PngDepth, RefusesAHeaderThatPromisesMoreThanTheFileCanHold) {
                     HasSubstr("bytes cannot hold")));
 }
 
+/// With the checksum that such a chunk has.
+std::string with_chunk_crc(std::string png, std::size_t chunk, std::size_t data_bytes) {
+  std::uint32_t crc = 0xffffffff;
+  for (std::size_t i = 0; i < data_bytes + 4; ++i) {
+    crc ^= static_cast<unsigned char>(png[chunk + 4 + i]);
+    for (int bit = 0; bit < 8; ++bit) crc = crc >> 1U ^ (crc & 1U ? 0xedb88320U : 0U);
+  }
+  crc = ~crc;
+  for (int i = 0; i < 4; ++i) {
+    png[chunk + 8 + data_bytes + static_cast<std::size_t>(i)] =
+        static_cast<char>(crc >> (24 - 8 * i));
+  }
+  return png;
+}
+
+TEST_F(PngDepth, RefusesAFileThatHoldsMoreThanItsImage) {
+  const auto file = folder_.path() / "depth.png";
+  testing::write_png(file, 16, 12, noise(16 * 12));
+  const std::string whole = testing::read_file(file);
+  EXPECT_THAT(
+      read_png_depth(folder_.write("more.png", whole + "x")).error().describe(),
+      HasSubstr(
+          "more.png: the PNG data are truncated or damaged: the file goes on behind the image"));
+  // Half the rows are there, and the header does not tell of them.
+  std::string fewer = whole;
+  constexpr std::size_t kHeader = 8, kHeaderBytes = 13;
+  fewer[23] = 6;
+  fewer = with_chunk_crc(std::move(fewer), kHeader, kHeaderBytes);
+  ASSERT_EQ(with_chunk_crc(whole, kHeader, kHeaderBytes), whole) << "the checksum is PNG's";
+  const auto image = read_png_depth(folder_.write("fewer.png", fewer));
+  ASSERT_FALSE(image) << "rows were dropped";
+  EXPECT_EQ(image.error().code, ErrorCode::kBadFrame);
+}
+
 TEST_F(PngDepth, FailsCleanlyWhereverTheFileIsCut) {
   const auto file = folder_.path() / "whole.png";
   testing::write_png(file, 40, 30, noise(40 * 30));

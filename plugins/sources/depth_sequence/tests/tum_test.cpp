@@ -63,6 +63,20 @@ TEST_F(Tum, ReadsDepthInFiveThousandthsOfAMetreAndTheUsualCamera) {
   EXPECT_NEAR(static_cast<double>(frames[0]->stamp.ns), 1305031102.160407e9, 500.0);
 }
 
+TEST_F(Tum, SaysWhichImagesAreNotListed) {
+  testing::write_png(folder_.path() / "depth" / "d.png", 640, 480,
+                     std::vector<std::uint16_t>(640 * 480, 10000));
+  EXPECT_EQ(read_all().size(), 3U);
+  const std::string folder = folder_.path().string();
+  EXPECT_THAT(
+      log_.messages(),
+      ::testing::IsSupersetOf(
+          {"read " + folder + ": 3 depth images and 4 poses of layout tum",
+           folder + ": 1 images beside those of depth.txt are not listed there, and not read",
+           folder + ": 3 of 3 frames handed out, 0 unusable"}));
+  EXPECT_EQ(log_.count(LogLevel::kWarning), 1);
+}
+
 TEST_F(Tum, InterpolatesThePoseToTheDepthStamp) {
   // 10.407 of 50 ms; at a pose's own stamp; half-way.
   folder_.write("depth.txt",

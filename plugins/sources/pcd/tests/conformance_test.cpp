@@ -1,4 +1,5 @@
 #include "conformance/source_conformance.hpp"
+#include "conformance/test_host.hpp"
 #include "pcd_source.hpp"
 #include "pcd_testing.hpp"
 #include "support/temporary_folder.hpp"
@@ -26,6 +27,7 @@ using Change =
 SourceCase clouds(const std::string& name, const Change& change) {
   struct Parts {
     testing_support::TemporaryFolder folder;
+    conformance::RecordingLog log;
     std::unique_ptr<Source> source;
   };
   return {name, [change](const Clock&) {
@@ -34,7 +36,7 @@ SourceCase clouds(const std::string& name, const Change& change) {
             pcd::Options options;
             options.path = parts->folder.path();
             change(parts->folder, options);
-            auto source = pcd::create_source(options, 7);
+            auto source = pcd::create_source(options, 7, parts->log);
             if (!source) throw std::runtime_error(source.error().describe());
             parts->source = std::move(*source);
             return std::shared_ptr<Source>(parts, parts->source.get());

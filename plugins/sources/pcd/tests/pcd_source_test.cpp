@@ -1,6 +1,7 @@
 #include "pcd_source.hpp"
 
 #include <cmath>
+#include <limits>
 #include <stop_token>
 
 #include <gmock/gmock.h>
@@ -8,6 +9,7 @@
 
 #include <sidestep/runtime/yaml_document.hpp>
 
+#include "conformance/test_host.hpp"
 #include "pcd_testing.hpp"
 #include "support/read_frames.hpp"
 #include "support/temporary_folder.hpp"
@@ -16,6 +18,7 @@ namespace sidestep::pcd {
 namespace {
 
 using testing::ascii_pcd;
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using testing::Points;
 
@@ -36,7 +39,7 @@ class PcdSource : public ::testing::Test {
                   ascii_pcd(points, std::to_string(n) + " 0 0 1 0 0 0"));
   }
 
-  Result<std::unique_ptr<Source>> create() { return create_source(options_, 7); }
+  Result<std::unique_ptr<Source>> create() { return create_source(options_, 7, log_); }
   std::string complaint() {
     const auto source = create();
     return source ? "no error" : source.error().describe();
@@ -56,6 +59,7 @@ class PcdSource : public ::testing::Test {
   }
 
   testing_support::TemporaryFolder folder_;
+  conformance::RecordingLog log_;
   Options options_;
 };
 
@@ -86,6 +90,21 @@ TEST_F(PcdSource, ReadsASingleFileAndSelectsAmongMany) {
   EXPECT_EQ(points(*frames[0]).size(), 2U);
   options_.first_frame = 3;
   EXPECT_THAT(complaint(), HasSubstr("there are only 3 point clouds"));
+}
+
+TEST_F(PcdSource, CountsForTheLogWhatItReadAndLeftOut) {
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  folder_.write("b.pcd", ascii_pcd({{0, 0, 1}, {nan, 0, 1}, {0, nan, nan}}));
+  folder_.write("c.pcd", "no cloud");
+  EXPECT_EQ(read_all().size(), 3U);
+  const std::string folder = folder_.path().string();
+  EXPECT_THAT(
+      log_.messages(),
+      ElementsAre("read " + folder + ": 3 point clouds, 1 other files",
+                  folder + ": 2 of 3 frames handed out, 1 unusable, 2 points are not finite"));
+  options_.first_frame = 1;
+  EXPECT_EQ(read_all().size(), 2U);
+  EXPECT_EQ(log_.count(LogLevel::kWarning), 1) << "that clouds were left out";
 }
 
 TEST_F(PcdSource, TakesPosesInOrder) {

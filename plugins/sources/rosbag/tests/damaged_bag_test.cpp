@@ -200,6 +200,39 @@ TEST(DamagedBag, KnowsTheTopicsOfADamagedFirstChunk) {
   EXPECT_EQ(log.count(LogLevel::kWarning), 1);
 }
 
+/// A message fewer than the chunk's index names; the records are whole, and all sizes agree.
+TEST(DamagedBag, CountsTheMessagesAgainstTheIndex) {
+  const testing_support::TemporaryFolder folder;
+  write_flat_bag(folder.path() / "whole.bag", kImages, {});
+  std::string content = file_content(folder.path() / "whole.bag");
+  // The record of an image becomes one that says nothing: another of the index, of no messages.
+  const std::size_t at = content.find(pixels_of(4));
+  const std::size_t op = content.rfind("op=", at);
+  ASSERT_NE(op, std::string::npos);
+  ASSERT_EQ(content[op + 3], '\x02');
+  content[op + 3] = '\x06';  // a chunk's info
+  const Outcome outcome = read_all(options_of(folder.write("fewer.bag", content)));
+  EXPECT_THAT(outcome.frames, SizeIs(kImages - 1));
+  ASSERT_THAT(outcome.errors, SizeIs(1));
+  EXPECT_THAT(outcome.errors[0].message,
+              HasSubstr("its chunks should hold 12 messages on /camera/depth/image, and hold 11"));
+}
+
+/// Of two connections of one number, whose are the messages?
+TEST(DamagedBag, RefusesAConnectionThatIsToldTwiceDifferently) {
+  const testing_support::TemporaryFolder folder;
+  write_flat_bag(folder.path() / "whole.bag", 3, {});
+  std::string content = file_content(folder.path() / "whole.bag");
+  const std::size_t first = content.find("topic=/camera/depth/image");
+  const std::size_t again = content.find("topic=/camera/depth/image", first + 30);
+  ASSERT_NE(again, std::string::npos);
+  content[first + 24] = 'f';
+  const Outcome outcome = read_all(options_of(folder.write("other.bag", content)));
+  EXPECT_THAT(outcome.frames, SizeIs(0));
+  ASSERT_THAT(outcome.errors, SizeIs(1));
+  EXPECT_THAT(outcome.errors[0].message, HasSubstr("a connection's record is damaged"));
+}
+
 /// Flips bits anywhere, some 800 times: it must end, without a crash, and hand out nothing but the
 /// bag's frames, whose pixels are those that were not hit.
 TEST(DamagedBag, NeitherCrashesNorHangsNorInventsFrames) {
