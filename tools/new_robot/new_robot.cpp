@@ -57,7 +57,13 @@ class ProfileMaker {
     auto model = urdf_robot::read_urdf(options_.urdf, errors);
     if (!model) return tl::make_unexpected(urdf_robot::all_of(std::move(errors), "the URDF"));
     model_ = std::move(*model);
-    if (options_.srdf) srdf_ = SIDESTEP_TRY(urdf_robot::read_srdf(*options_.srdf));
+    if (options_.srdf) {
+      srdf_ = SIDESTEP_TRY(urdf_robot::read_srdf(*options_.srdf));
+      for (const auto& [element, count] : srdf_.passed_over) {
+        made_.notes.push_back("of the SRDF is passed over: " + std::to_string(count) + " <" +
+                              element + ">");
+      }
+    }
     SIDESTEP_TRY(choose_joints());
     find_groups();
 
@@ -99,7 +105,13 @@ class ProfileMaker {
                   options_.srdf ? did_you_mean(name, names) : "groups are those of --srdf");
     }
     if (!seen.insert(name).second) return {};
-    joints.insert(group->joints.begin(), group->joints.end());
+    for (const std::string& joint : group->joints) {
+      if (!model_.find_joint(joint) && !srdf_.virtual_joints.contains(joint)) {
+        return fail(ErrorCode::kConfig, "the URDF has no joint '" + joint + "'",
+                    options_.srdf->string(), did_you_mean(joint, model_.joint_names()));
+      }
+      joints.insert(joint);
+    }
     const auto add_joint_of = [&](int link) {
       const auto& joint = model_.links[idx(link)].joint;
       if (joint) joints.insert(joint->name);
@@ -114,6 +126,10 @@ class ProfileMaker {
       const int end = SIDESTEP_TRY(find(base));
       int link = SIDESTEP_TRY(find(tip));
       for (; link > 0 && link != end; link = model_.links[idx(link)].parent) add_joint_of(link);
+      if (link == end) continue;
+      return fail(ErrorCode::kConfig,
+                  "no chain of joints leads from '" + base + "' to '" + tip + "'",
+                  options_.srdf->string());
     }
     for (const std::string& one : group->groups) SIDESTEP_TRY(add_group(one, joints, seen));
     return {};
@@ -176,7 +192,7 @@ class ProfileMaker {
       std::map<std::string, double> positions;
       for (const auto& [name, value] : pose.joints) {
         const auto joint = robot.joint_index(name);
-        if (!joint && !model_.find_joint(name)) {
+        if (!joint && !model_.find_joint(name) && !srdf_.virtual_joints.contains(name)) {
           return fail(ErrorCode::kConfig,
                       "pose '" + pose.name + "': the URDF has no joint '" + name + "'",
                       options_.srdf->string(), did_you_mean(name, model_.joint_names()));

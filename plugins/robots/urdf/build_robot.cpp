@@ -328,7 +328,7 @@ class RobotBuilder {
     for (std::size_t s = 0; s < centres.size(); ++s) {
       for (std::size_t t = s + 1; t < centres.size(); ++t) {
         const auto pair = std::minmax(robot_.spheres[s].link, robot_.spheres[t].link);
-        if (moving_joints_between(pair.first, pair.second) < 2) continue;
+        if (!are_two_joints_between(pair.first, pair.second)) continue;
         const double reach = robot_.spheres[s].radius_m + robot_.spheres[t].radius_m;
         ((centres[s] - centres[t]).norm() < reach ? touching : apart).insert(pair);
       }
@@ -338,14 +338,15 @@ class RobotBuilder {
     }
   }
 
-  int moving_joints_between(int a, int b) const {
+  /// Whether two joints or more move the links against each other.
+  bool are_two_joints_between(int a, int b) const {
     int count = 0;
-    while (a != b) {
+    while (a != b && count < 2) {
       int& lower = a > b ? a : b;  // parents come first, so the higher index is no ancestor
       if (tree_joints_[idx(lower)].joint != -1) ++count;
       lower = robot_.links[idx(lower)].parent;
     }
-    return count;
+    return count == 2;
   }
 
   void add_head(const HeadOptions& options, JointTable& joints) {

@@ -2,6 +2,7 @@
 
 #include <filesystem>
 #include <map>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -29,10 +30,12 @@ struct Srdf {
   std::vector<Group> groups;
   std::vector<Pose> poses;
   std::vector<DisabledPair> disabled;
+  std::set<std::string> virtual_joints;    ///< Which put the robot into the world.
+  std::map<std::string, int> passed_over;  ///< Elements of no use here, by name.
 };
 
-/// Reads an SRDF. Passes over end effectors, passive and virtual joints. Fails with kIo or kConfig,
-/// naming the file and the line.
+/// Reads an SRDF whole: what it may hold by MoveIt is read, or counted as passed over; what it may
+/// not fails with kConfig, naming file, line and column. Fails with kIo.
 [[nodiscard]] Result<Srdf> read_srdf(const std::filesystem::path& file);
 
 }  // namespace sidestep::urdf_robot

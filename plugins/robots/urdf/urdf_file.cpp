@@ -17,6 +17,7 @@
 #include <sidestep/core/xml_tags.hpp>
 
 #include "urdf_outline.hpp"
+#include "urdf_second_reading.hpp"
 
 namespace sidestep::urdf_robot {
 namespace {
@@ -114,18 +115,34 @@ void normalise_axis(UrdfJoint& joint, std::vector<Error>& errors) {
                     joint.mark.to_string()});
 }
 
+/// How many elements of a text lie in the elements of these names, the last their own.
+template <std::size_t kDepth>
+std::size_t count_elements(std::string_view text,
+                           const std::array<std::string_view, kDepth>& path) {
+  std::size_t count = 0;
+  visit_elements(text, "?>", [&](auto names) { count += std::ranges::equal(names, path); });
+  return count;
+}
+
 /// The last net: what was lost on the way from the text to the model, for whatever reason.
-void check_shape_count(const UrdfModel& model, const std::string& text,
-                       std::vector<Error>& errors) {
-  const std::size_t written = count_collisions(text);
-  std::size_t read = 0;
-  for (const UrdfLink& link : model.links) read += link.shapes.size();
-  if (read == written) return;
-  errors.push_back({ErrorCode::kConfig,
-                    "the links of the URDF have " + std::to_string(written) +
-                        " <collision> elements, and " + std::to_string(read) +
-                        " collision shapes were read",
-                    model.file.string(), "the file may go on behind the end of its <robot>"});
+void check_counts(const UrdfModel& model, const std::string& text, std::vector<Error>& errors) {
+  const auto check = [&](std::size_t written, const std::string& element, std::size_t read,
+                         const std::string& what) {
+    if (read == written) return;
+    errors.push_back({ErrorCode::kConfig,
+                      "the URDF has " + std::to_string(written) + " <" + element +
+                          "> elements, and " + std::to_string(read) + " " + what + " were read",
+                      model.file.string(), "the file may go on behind the end of its <robot>"});
+  };
+  std::size_t shapes = 0, joints = 0;
+  for (const UrdfLink& link : model.links) {
+    shapes += link.shapes.size();
+    joints += link.joint ? 1 : 0;
+  }
+  using Path = std::array<std::string_view, 2>;
+  check(count_collisions(text), "collision", shapes, "collision shapes");
+  check(count_elements(text, Path{"robot", "link"}), "link", model.links.size(), "links");
+  check(count_elements(text, Path{"robot", "joint"}), "joint", joints, "joints");
 }
 
 UrdfModel build_model(const urdf::ModelInterface& parsed, const UrdfOutline& outline,
@@ -208,7 +225,8 @@ std::optional<UrdfModel> read_urdf(const std::filesystem::path& file, std::vecto
     } else {
       UrdfModel model = build_model(*parsed, outline, mistakes);
       model.file = file;
-      check_shape_count(model, text, mistakes);
+      check_counts(model, text, mistakes);
+      check_second_reading(model, text, mistakes);
       if (mistakes.empty()) return model;
     }
   }
@@ -229,10 +247,7 @@ Error all_of(std::vector<Error> errors, const std::string& what) {
 }
 
 std::size_t count_collisions(std::string_view text) {
-  std::size_t count = 0;
-  constexpr std::array<std::string_view, 3> kCollision = {"robot", "link", "collision"};
-  visit_elements(text, "?>", [&](auto names) { count += std::ranges::equal(names, kCollision); });
-  return count;
+  return count_elements(text, std::array<std::string_view, 3>{"robot", "link", "collision"});
 }
 
 }  // namespace sidestep::urdf_robot

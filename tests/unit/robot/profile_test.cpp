@@ -360,6 +360,18 @@ INSTANTIATE_TEST_SUITE_P(
                    "arm.urdf: no link of the URDF has a <collision> (give its links some, or, in a "
                    "profile whose spheres are all that there is to collide with, set "
                    "'shapes_from' to spheres)"},
+        BadProfile{"fixed_and_fast",
+                   "name: arm\nurdf: arm.urdf\nbase: {max_velocity_mps: 1.0}\nspheres:\n"
+                   "  - {link: base, centre_m: [0, 0, 0], radius_m: 1}\n",
+                   "profile.yaml:3:8: 'max_velocity_mps' says nothing of a base that is fixed"},
+        BadProfile{"joints_of_two_kinds",
+                   "name: arm\nurdf: arm.urdf\njoints: [elbow]\ntip_link: lower\nspheres:\n"
+                   "  - {link: base, centre_m: [0, 0, 0], radius_m: 1}\n",
+                   "profile.yaml:4:11: 'tip_link' chooses joints, and 'joints' lists them"},
+        BadProfile{"spheres_of_two_kinds",
+                   "name: arm\nurdf: arm.urdf\nspheres_from: fit\nspheres:\n"
+                   "  - {link: base, centre_m: [0, 0, 0], radius_m: 1}\n",
+                   "profile.yaml:3:15: 'spheres_from' is fit, and 'spheres' lists some"},
         BadProfile{"nothing_to_fit_to",
                    "name: arm\nurdf: arm.urdf\nspheres_from: fit\nshapes_from: spheres\n",
                    "profile.yaml:4:14: 'shapes_from' is spheres and 'spheres_from' is fit"},

@@ -383,9 +383,16 @@ TEST(UrdfRules, CountShapesInTheTextOnceMore) {
   // What a parser stops before is counted: a robot behind the robot, and behind a zero.
   for (const std::string& gap : {std::string(), std::string(1, '\0')}) {
     const auto file = write_file(test_folder() / "r.urdf", two + gap + two);
-    EXPECT_THAT(mistakes_in(file),
-                HasSubstr("r.urdf: the links of the URDF have 4 <collision> elements, and 2 "
-                          "collision shapes were read"));
+    EXPECT_THAT(
+        mistakes_in(file),
+        HasSubstr("r.urdf: the URDF has 4 <collision> elements, and 2 collision shapes were "
+                  "read"));
+    const auto bare = write_file(
+        test_folder() / "r.urdf",
+        two + gap + "<robot name='more'><link name='l'/><link name='m'/><joint name='j'/></robot>");
+    EXPECT_THAT(mistakes_in(bare), AllOf(HasSubstr("r.urdf: the URDF has 4 <link> elements, and 2 "
+                                                   "links were read"),
+                                         HasSubstr("2 <joint> elements, and 1 joints were read")));
   }
 }
 
