@@ -35,6 +35,8 @@ struct SeesName {
 constexpr SeesName kSees[] = {
     {"never", Sees::kNever}, {"always", Sees::kAlways}, {"in_front", Sees::kInFront}};
 
+constexpr double kLargestId = 9e15;  // a double counts so far
+
 /// One number of a line of comma-separated ones; advances past it and its comma.
 std::optional<double> next_number(const char*& at) {
   char* end = nullptr;
@@ -88,6 +90,9 @@ class PeopleReader : private NodeReader {
     if (person.policy == Policy::kRecorded) {
       check_keys(node, {"name", "policy", "file", "from_s", "centred", "walk_in_s", "radius_m",
                         "height_m", "legs"});
+      if (group.radius_m.x() < group.radius_m.y()) {
+        add(node.find("radius_m")->error("recorded people are all as large: expected a number"));
+      }
       person.radius_m = group.radius_m.x();
       read_recording(node, person, people);
       return;
@@ -265,11 +270,15 @@ class PeopleReader : private NodeReader {
     };
     while (std::getline(in, line)) {
       ++number;
-      if (line.empty() || line[0] == '#' || line.starts_with("person")) continue;
+      if (line.empty() || line[0] == '#') continue;
+      const bool is_header = persons.empty() && line.starts_with("person,");
+      if (is_header) continue;
       const char* at = line.c_str();
       const auto id = next_number(at), time_s = next_number(at), x = next_number(at),
                  y = next_number(at);
-      if (!id || !time_s || !x || !y || *at != '\0' || std::floor(*id) != *id) {
+      const bool is_whole = at == line.c_str() + line.size();
+      const bool is_id = id && std::floor(*id) == *id && std::abs(*id) < kLargestId;
+      if (!is_id || !time_s || !x || !y || !is_whole) {
         return mistake("expected the number of a person and three finite numbers, found '" + line +
                        "'");
       }

@@ -414,7 +414,15 @@ TEST(ReadPeople, NamesTheLineOfARecordingThatCannotBe) {
   expect_of("1,0.0,nan,0\n", at + ":2");
   expect_of("1,0.0,0\n", at + ":2");
   expect_of("1,0.0,0,0,5\n", at + ":2");
+  expect_of("1,0.0,0,0\nperson 2,0.0,0,0\n", at + ":3");
+  expect_of("1,0.0,0,0\nperson,2,0.0,0\n", at + ":3");
+  expect_of("1,0.0,0,0" + std::string(1, '\0') + "1\n", at + ":2");
+  expect_of("1e300,0.0,0,0\n", at + ":2");
   expect_of("", "there is nobody");
+  std::ofstream(file) << "1,0.0,0,0\n1,0.4,1,0\n";
+  expect_mistake(
+      "  groups: [{name: eth, policy: recorded, radius_m: [0.2, 0.3], file: " + at + "}]\n",
+      HasSubstr("recorded people are all as large"));
 }
 
 }  // namespace
