@@ -15,6 +15,7 @@
 #include <cstdio>
 #include <fstream>
 #include <map>
+#include <set>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -572,10 +573,18 @@ class Recheck {
   std::map<std::pair<int, std::int64_t>, State> states_;
 };
 
-/// Refuses what is nested deeper than any tree: what goes through it recurses.
+/// Refuses what is nested deeper than any tree: what goes through it recurses. Refuses a key that
+/// an object has twice, of which the last would be read.
 Json parse(std::istream& in) {
-  return Json::parse(in, [](int depth, Json::parse_event_t, const Json&) {
+  using Event = Json::parse_event_t;
+  std::vector<std::set<std::string>> keys;  // of the objects that are open
+  return Json::parse(in, [&](int depth, Event event, const Json& value) {
     if (depth > 200) refuse("it is nested too deeply");
+    if (event == Event::object_start) keys.emplace_back();
+    if (event == Event::object_end) keys.pop_back();
+    if (event == Event::key && !keys.back().insert(value.get<std::string>()).second) {
+      refuse("an object has the key '" + value.get<std::string>() + "' twice");
+    }
     return true;
   });
 }

@@ -59,7 +59,10 @@ class Recheck : public ::testing::Test {
 
   /// What the program says.
   [[nodiscard]] std::string recheck(const Json& certificate) const {
-    const std::string file = folder_.write("certificate.json", certificate.dump()).string();
+    return recheck(certificate.dump());
+  }
+  [[nodiscard]] std::string recheck(const std::string& text) const {
+    const std::string file = folder_.write("certificate.json", text).string();
     std::string said;
     FILE* const pipe = popen((std::string(RECHECK) + " " + file + " 2>&1").c_str(), "r");
     std::array<char, 512> buffer{};
@@ -89,6 +92,16 @@ TEST_F(Recheck, AcceptsWhatIsProven) {
   EXPECT_THAT(recheck(certificate_), HasSubstr("accepted"));
   const std::string text = certificate_.dump();
   for (const char* halved : {"\"time\"", "\"second\""}) EXPECT_THAT(text, HasSubstr(halved));
+}
+
+/// Of the objects of two lists, the last would be all.
+TEST_F(Recheck, RefusesAKeyThatIsThereTwice) {
+  std::string text = certificate_.dump();
+  ASSERT_THAT(recheck(text), HasSubstr("accepted"));
+  const std::size_t at = text.find("\"objects\":");
+  ASSERT_NE(at, std::string::npos);
+  text.insert(at, "\"objects\":" + certificate_["objects"].dump() + ",");
+  EXPECT_THAT(recheck(text), HasSubstr("refused: an object has the key 'objects' twice"));
 }
 
 TEST_F(Recheck, RefusesWhatStartsInsideOfAClosedMesh) {

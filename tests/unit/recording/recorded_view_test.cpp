@@ -122,5 +122,37 @@ TEST_F(RecordedViewTest, ABrokenMessageIsAnErrorAndNoMore) {
   EXPECT_FALSE(*end);
 }
 
+/// What the page's messages never are: a million levels deep. Neither the parser nor what destroys
+/// a header may recurse, on a stack of a few MiB.
+TEST_F(RecordedViewTest, ADeeplyNestedHeaderIsNoReasonToRecurse) {
+  constexpr std::size_t kDepth = 1'000'000;
+  for (const auto& [open, close] : {std::pair("[", "]"), {"{\"a\":", "}"}, {"[", ""}}) {
+    std::string header = "{\"kind\":\"state\",\"time_s\":1,\"x\":";
+    for (std::size_t i = 0; i < kDepth; ++i) header += open;
+    header += "1";
+    for (std::size_t i = 0; i < kDepth; ++i) header += close;
+    header += "}";
+    std::string data(4, '\0');  // as UInt8MultiArray: no dimensions, an offset, a length, bytes
+    const auto put = [&](std::uint32_t number) {
+      data.append(reinterpret_cast<const char*>(&number), sizeof number);
+    };
+    put(0);
+    put(static_cast<std::uint32_t>(header.size()) + 4);
+    put(static_cast<std::uint32_t>(header.size()));
+    data += header;
+    std::filesystem::remove(file_);
+    {
+      auto writer = bag::Writer::create(file_);
+      ASSERT_TRUE(writer);
+      const auto id = writer->add_connection(topics::kView, ros::type_of<ros::UInt8MultiArray>());
+      ASSERT_TRUE(writer->write(id, {1, 0}, std::as_bytes(std::span(data))));
+      ASSERT_TRUE(writer->close());
+    }
+    const auto recording = open_recording(file_);
+    ASSERT_TRUE(recording) << recording.error().describe();
+    EXPECT_EQ((*recording)->next().has_value(), *close != '\0') << "all brackets are closed";
+  }
+}
+
 }  // namespace
 }  // namespace sidestep::testing
