@@ -89,6 +89,18 @@ TEST_F(CommandTest, PlansAroundAPillar) {
   EXPECT_TRUE(plan.at("explanation").is_null());
 }
 
+TEST_F(CommandTest, CountsInTheLogWhatItReadOfEachFile) {
+  const Finished finished = run_tiny({"--set", "robot={plugin: urdf, profile: planar}"});
+  ASSERT_EQ(finished.exit_code, 0) << finished.error << finished.out;
+  const std::string log = read_file(folder_ / "run" / "run.log");
+  EXPECT_THAT(log, HasSubstr("planar/robot.urdf: 3 links, 2 joints, 1 shapes; read "));
+  EXPECT_THAT(log, HasSubstr("planar/profile.yaml: 2 planned joints, 1 spheres, 1 poses, 0 pairs "
+                             "of links"));
+  EXPECT_THAT(log, HasSubstr("tiny_scene.yaml: 3 objects, 0 of them moving, 0 groups of people, 0 "
+                             "recorded people"));
+  EXPECT_THAT(finished.error, Not(HasSubstr("3 links"))) << "no news on a terminal";
+}
+
 TEST_F(CommandTest, LeavesTheCertificateOfAPlan) {
   const Finished finished = run_tiny({"--set", "check.certificate=file"});
   const std::string file = "certificates/around.json";

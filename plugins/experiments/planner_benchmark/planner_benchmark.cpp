@@ -265,10 +265,13 @@ Result<std::vector<SetProblem>> read_chosen(const SetBench& bench,
   auto all = SIDESTEP_TRY(read_problem_set(settings.problems, bench.robot->description()));
   std::vector<SetProblem> problems;
   std::string family;
-  std::int64_t seen = 0, taken = 0;
+  std::vector<std::string> families;
+  std::int64_t seen = 0, taken = 0, objects = 0;
   for (SetProblem& problem : all) {
+    objects += std::ssize(problem.scene->objects());
     if (problem.family != family) {
       family = problem.family;
+      families.push_back(family);
       seen = taken = 0;
     }
     const bool is_wanted =
@@ -278,6 +281,16 @@ Result<std::vector<SetProblem>> read_chosen(const SetBench& bench,
     ++taken;
     problems.push_back(std::move(problem));
   }
+  for (const std::string& wanted : settings.families) {
+    if (std::ranges::count(families, wanted) > 0) continue;
+    return fail(ErrorCode::kConfig, "there is no family '" + wanted + "' in the problem set",
+                settings.problems.string(),
+                did_you_mean(wanted, families, "there are: " + joined(families)));
+  }
+  context.log.debug("read " + settings.problems.string() + ": " + std::to_string(all.size()) +
+                    " problems of " + std::to_string(families.size()) + " families among " +
+                    std::to_string(objects) + " objects; " + std::to_string(problems.size()) +
+                    " are taken");
   if (std::ssize(problems) < context.shard.count) {
     return fail(ErrorCode::kConfig,
                 problems.empty()

@@ -140,6 +140,11 @@ Result<RecordedStart> start_recorded(const ExperimentContext& context, const Pro
                   format("contents of the problems: %016llx\n",
                          static_cast<unsigned long long>(derive_seed(0, content)));
   std::int64_t most = 0;
+  context.log.debug("read " + choice.problems.string() + ": " +
+                    std::to_string(problems.scenes.size()) + " scenes, " +
+                    std::to_string(problems.pairs.size()) + " pairs of " +
+                    std::to_string(problems.configurations.size()) + " configurations; " +
+                    std::to_string(problems.runs.size()) + " runs are taken");
   for (const RecordedRun& run : problems.runs) {
     most = std::max(most, std::ssize(run.outcomes));
     for (const std::string& change : changes) {
