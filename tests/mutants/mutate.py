@@ -254,7 +254,7 @@ class Mutated:
                 number = self.add(line, "condition", text, text[1:])
                 self.edits.append((span[0], span[0] + 1, None, ""))
                 self.wrap(*span, f"(sidestep_mutants::on({number}) == static_cast<bool>(", "))")
-            elif text.startswith("-") and cursor.type.get_canonical().kind in NUMBERS and self.once("negative", *span):
+            elif re.match(r"-[^-]", text) and cursor.type.get_canonical().kind in NUMBERS and self.once("negative", *span):
                 number = self.add(line, "arithmetic", text, text[1:])
                 self.edits.append((span[0], span[0] + 1, None, ""))
                 self.wrap(*span, f"sidestep_mutants::negative({number}, ", ")")

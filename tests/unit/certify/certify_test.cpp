@@ -13,6 +13,7 @@ namespace {
 
 using ::testing::HasSubstr;
 using testing_certify::crane;
+using testing_certify::crane_of;
 using testing_certify::object;
 using testing_certify::random_scene;
 using testing_certify::straight;
@@ -196,6 +197,74 @@ TEST(Certificates, AreOfNothingThatMovesOrHasNoShapes) {
       certify(*robot, {Scene({object("far", Sphere{0.1}, {1500.0, 0, 0})})}, motion, {});
   ASSERT_FALSE(far);
   EXPECT_THAT(far.error().describe(), HasSubstr("far: reaches beyond 500 m"));
+}
+
+TEST(Certificates, NameLimitsInBothDirections) {
+  const auto robot = crane(0.05);
+  PolynomialMotion motion;
+  motion.pieces = {{0.0, 2.0, {{-3.9, -0.4, 0.2}, {0.5}}}};  // -4.1 at 1 s, -3.9 at both ends
+  EXPECT_THAT(certified(*robot, {}, motion).broken_limit, HasSubstr("turn breaks its lower limit"));
+  motion.has_times = true;
+  for (const double speed : {101.0, -101.0}) {
+    motion.pieces = {{0.0, 0.01, {{0.0, speed}, {0.5}}}};  // 100 rad/s is the limit
+    const Certification found = certified(*robot, {}, motion);
+    EXPECT_EQ(found.outcome, Outcome::kRefuted);
+    EXPECT_THAT(found.broken_limit, HasSubstr("turn breaks its velocity limit"));
+  }
+  motion.pieces = {{0.0, 0.01, {{0.0, -99.0}, {0.5}}}};
+  EXPECT_EQ(certified(*robot, {}, motion).outcome, Outcome::kProven);
+  motion.has_times = false;
+  motion.pieces = {{0.0, 0.01, {{0.0, 101.0}, {0.5}}}};
+  EXPECT_EQ(certified(*robot, {}, motion).outcome, Outcome::kProven);
+}
+
+TEST(Certificates, AreOfMotionsThatAreWhole) {
+  const auto robot = crane(0.05);
+  const decltype(PolynomialPiece::coefficients) still{{0.0}, {0.5}};
+  const auto why = [&](const std::vector<PolynomialPiece>& pieces) {
+    PolynomialMotion motion;
+    motion.pieces = pieces;
+    const auto found = certify(*robot, {}, motion, {});
+    return found ? "" : found.error().describe();
+  };
+  EXPECT_EQ(why({{0.0, 1.0, still}, {1.0, 2.0, still}}), "");
+  EXPECT_THAT(why({}), HasSubstr("the motion is empty"));
+  EXPECT_THAT(why({{0.0, 1.0, still}, {1.5, 2.0, still}}), HasSubstr("do not fit together"));
+  EXPECT_THAT(why({{0.5, 1.0, still}}), HasSubstr("do not fit together"));
+  EXPECT_THAT(why({{0.0, 0.0, still}}), HasSubstr("do not fit together"));
+  EXPECT_THAT(why({{0.0, 1.0, {{0.0}}}}), HasSubstr("do not fit together"));
+  EXPECT_THAT(why({{0.0, 1.0, {{0.0}, {0.5, 3000.0}}}}), HasSubstr("slide does not stay within"));
+}
+
+TEST(Certificates, AreOfShapesAndScenesThatAreWhole) {
+  const auto motion = straight({{0.0, 0.5}, {0.5, 0.5}});
+  const auto why = [&](const KinematicTree& robot, const CertifiedScene& scene) {
+    const auto found = certify(robot, scene, motion, {});
+    return found ? "" : found.error().describe();
+  };
+  const auto robot = crane(0.05);
+  EXPECT_EQ(why(*robot, {Scene(), {{"sand", Swarm::Kind::kBalls, {{{3, 0, 0}, 0.1}}}}}), "");
+  EXPECT_THAT(why(*robot, {Scene(), {{"sand", Swarm::Kind::kBalls, {}}}}),
+              HasSubstr("sand is empty"));
+  EXPECT_THAT(why(*robot, {Scene(), {{"sand", Swarm::Kind::kBalls, {{{600, 0, 0}, 0.1}}}}}),
+              HasSubstr("sand: reaches beyond 500 m"));
+  EXPECT_THAT(why(*robot, {Scene({object("wall", Box{{2e3, 1, 1}}, {0, 3, 0})})}),
+              HasSubstr("wall: reaches beyond 500 m"));
+  SceneObject walker = object("walker", Sphere{0.1}, {2.0, 0.0, 0.0});
+  walker.person = 0;
+  EXPECT_THAT(why(*robot, {Scene({walker})}), HasSubstr("walker: it moves, or is drawn"));
+  People crowd;
+  crowd.groups.emplace_back();
+  EXPECT_THAT(why(*robot, {Scene({}, crowd)}), HasSubstr("people: it moves, or is drawn"));
+  crowd.groups.clear();
+  crowd.persons.emplace_back();
+  EXPECT_THAT(why(*robot, {Scene({}, crowd)}), HasSubstr("people: it moves, or is drawn"));
+  EXPECT_THAT(why(*crane_of({}), {}), HasSubstr("has no collision shapes"));
+  EXPECT_THAT(why(*crane_of({{2, HalfSpace{}, Transform::Identity()}}), {}),
+              HasSubstr("cannot be a half-space"));
+  const auto mesh = std::make_shared<const Mesh>();
+  EXPECT_THAT(why(*crane_of({{2, mesh, Transform::Identity()}}), {}),
+              HasSubstr("a mesh of link tip has no triangles"));
 }
 
 /// Two triangles face each other: who goes between them is in their hull, and touches neither.

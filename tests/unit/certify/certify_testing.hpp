@@ -45,15 +45,15 @@ inline Scene random_scene(std::mt19937_64& random, int count) {
   return Scene(std::move(objects));
 }
 
-/// An arm that turns about z and slides outwards, with a ball at its end.
-inline std::shared_ptr<const KinematicTree> crane(double ball_m) {
+/// An arm that turns about z and slides outwards, with these shapes.
+inline std::shared_ptr<const KinematicTree> crane_of(std::vector<CollisionShape> shapes) {
   RobotDescription robot;
   robot.name = "crane";
   robot.joints = {{"turn", Joint::Type::kRevolute, -4.0, 4.0, 100.0, 1e3},
                   {"slide", Joint::Type::kPrismatic, 0.0, 3.0, 100.0, 1e3}};
   robot.links = {{"base", -1}, {"arm", 0}, {"tip", 1}};
-  robot.shapes = {{2, Sphere{ball_m}, Transform::Identity()}};
-  robot.spheres = {{2, Eigen::Vector3d::Zero(), ball_m}};
+  robot.shapes = std::move(shapes);
+  robot.spheres = {{2, Eigen::Vector3d::Zero(), 0.05}};
   std::vector<TreeJoint> joints{
       {"root"}, {"turn", TreeJoint::Motion::kRotation}, {"slide", TreeJoint::Motion::kTranslation}};
   joints[1].joint = 0;
@@ -62,6 +62,11 @@ inline std::shared_ptr<const KinematicTree> crane(double ball_m) {
   auto tree = KinematicTree::create(std::move(robot), std::move(joints));
   if (!tree) throw std::runtime_error(tree.error().describe());
   return std::move(*tree);
+}
+
+/// With a ball at its end.
+inline std::shared_ptr<const KinematicTree> crane(double ball_m) {
+  return crane_of({{2, Sphere{ball_m}, Transform::Identity()}});
 }
 
 }  // namespace sidestep::testing_certify
