@@ -62,7 +62,7 @@ def main():
             verdict, told, findings = "FINDING", str(finding), findings + 1
         print(f"{verdict:8} {name:20} {time.monotonic() - since:5.1f} s  {told}", flush=True)
 
-    bench = Bench(options.command.resolve(), options.work.resolve(), options.episodes or (30 if options.quick else 200))
+    bench = Bench(options.command.resolve(), options.work.resolve(), options.episodes or (60 if options.quick else 200))
     try:
         report("undisturbed", bench.measure_undisturbed)
         if findings:

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""A crowd around a viewer, of low priority, until it is told to end; then prints how often it has connected or sent something.
+"""A crowd around a viewer, of idle priority, until it is told to end; then prints how often it has connected or sent something.
 
     besiege.py PORT TOKEN strangers|guests
 """
@@ -48,9 +48,9 @@ def visit(place, over, count, act, number):
 
 def main():
     port, token, kind = sys.argv[1:]
-    os.nice(10)  # it shares the loop's machine, but what is measured is the viewer
+    os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))  # what is measured is the viewer, not what shares its machine
     try:
-        pathlib.Path("/proc/self/autogroup").write_text("10")
+        pathlib.Path("/proc/self/autogroup").write_text("19")
     except OSError:
         pass
     over, count = threading.Event(), [0]
