@@ -80,13 +80,14 @@ class Nodes {
   }
 
   Node map_of(const py::handle& value, const std::string& mark) {
+    const std::string prefix = mark.empty() ? "" : mark + ".";
     Node::Map map;
     for (const auto& [key, item] : py::reinterpret_borrow<py::dict>(value)) {
       const std::string name = py::str(key);
       Node::Entry& entry = map.emplace_back();
       entry.key = name;
       entry.key_mark.file = mark;
-      entry.value = of(item, mark.empty() ? name : mark + "." + name);
+      entry.value = of(item, prefix + name);
     }
     return Node(std::move(map), {mark, 0, 0});
   }
@@ -169,7 +170,7 @@ Eigen::VectorXd configuration_of(const py::object& value, const RobotDescription
     if (!errors.empty()) raise(errors.front());
     return q;
   }
-  const Doubles array = doubles_of(value, mark.c_str());
+  const Doubles array = doubles_of(value, mark);
   if (array.ndim() != 1 || array.shape(0) != robot.dof()) {
     throw py::value_error(mark + " has to have " + std::to_string(robot.dof()) +
                           " values, one for " + "each joint of '" + robot.name + "'");
