@@ -35,7 +35,6 @@ refused construct_harm_quick_exit "$exited 0 as it was opened"
 refused construct_harm_throw "$gave_up"
 refused construct_harm_kill "killed by SIGKILL (out of memory?) as it was opened"
 refused construct_harm_hang "takes more than 20 s to be opened"
-refused construct_harm_signal "sends signals to other processes as it was opened"
 refused construct_harm_close "closes standard input, output or error as it was opened"
 # What can be put back is.
 for harm in alarm fork limit mask; do
@@ -47,12 +46,13 @@ for harm in alarm fork limit mask; do
     failed=1
   fi
 done
-# A thread of a library's that ends the process later.
-for end in "abort aborted (abort() or an uncaught exception)" "exit $exited 0"; do
+# Signals come later than what sends them, and a thread of a library's ends the process later.
+for end in "signal sends signals to other processes" "late_abort aborted (abort() or an uncaught exception)" "late_exit "; do
+  command=(run "$configuration" --out "$work/late")
+  [ "${end%% *}" != signal ] || command=(plugins edt)  # which tells what is refused
   code=0
-  SIDESTEP_PLUGIN_PATH=$libraries/construct_harm_late_${end%% *} "$sidestep" run "$configuration" --out "$work/late" \
-    >"$work/out" 2>"$work/err" || code=$?
-  if ! grep -qF "construct_harm_late_${end%% *}/plugin.so" "$work/err" || ! grep -qF "${end#* }" "$work/err"; then
+  SIDESTEP_PLUGIN_PATH=$libraries/construct_harm_${end%% *} "$sidestep" "${command[@]}" >"$work/out" 2>"$work/err" || code=$?
+  if ! grep -qF "construct_harm_${end%% *}/plugin.so" "$work/err" || ! grep -qF "${end#* }" "$work/err"; then
     echo "late ${end%% *}: exit code $code"
     cat "$work/err"
     failed=1

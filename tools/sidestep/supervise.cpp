@@ -19,6 +19,7 @@
 #include <sidestep/core/error.hpp>
 #include <sidestep/core/plugin_calls.hpp>
 #include <sidestep/plugin/plugin.hpp>
+#include <sidestep/runtime/install_layout.hpp>
 
 #include "commands.hpp"
 #include "process_end.hpp"
@@ -128,30 +129,34 @@ void tell(const Error& error, const PluginBoard& board) {
   log << "error: " << error.describe() << "\n";
 }
 
+/// What ended the process, in words.
+std::string manner_of(const PluginBoard& board, int status) {
+  return board.harm.view().empty() ? manner_of_end(status) : std::string(board.harm.view());
+}
+
 /// Refuses the library that ended the process, or all that may have; false where that does not
 /// help.
 bool begins_anew(PluginBoard& board, int status, bool hung_opening, const Error& error) {
   if (!board.run.view().empty()) return false;
+  const std::filesystem::path opening(board.opening.view());
+  if (opening.empty() && error.where != kNobody) return false;
+  // What the installation holds ends nothing by itself: a thread of what was opened before did.
+  const bool is_known = !opening.empty() && (board.foreign_count == 0 || board.refuses_foreign ||
+                                             opening.parent_path() != install_layout().plugins);
   const auto count = static_cast<std::size_t>(board.refusal_count);
-  if (!board.opening.view().empty() && count < board.refusals.size()) {
-    PluginBoard::Refusal& refusal = board.refusals[count];
-    refusal.library.set(board.opening.view());
-    refusal.reason.set(
-        hung_opening
-            ? "takes more than 20 s to be opened (SIDESTEP_SUPERVISE=0 waits)"
-            : (board.harm.view().empty() ? manner_of_end(status) : std::string(board.harm.view())) +
-                  " as it was opened");
+  if (is_known && count < board.refusals.size()) {
+    board.refusals[count].library.set(opening.native());
+    board.refusals[count].reason.set(
+        hung_opening ? "takes more than 20 s to be opened (SIDESTEP_SUPERVISE=0 waits)"
+                     : manner_of(board, status) + " as it was opened");
     ++board.refusal_count;
     return true;
   }
-  if (error.where == kNobody || !board.opening.view().empty()) {
-    if (board.foreign_count == 0 || board.refuses_foreign) return false;
-    board.refuses_foreign = true;
-    std::fprintf(stderr, "%swarning: left out is %s: the command %s\n", line_begin(),
-                 foreign_libraries(board).c_str(), manner_of_end(status).c_str());
-    return true;
-  }
-  return false;
+  if (board.foreign_count == 0 || board.refuses_foreign) return false;
+  board.refuses_foreign = true;
+  std::fprintf(stderr, "%swarning: left out is %s: the command %s\n", line_begin(),
+               foreign_libraries(board).c_str(), manner_of(board, status).c_str());
+  return true;
 }
 
 [[noreturn]] void end_by(int signal) {
@@ -190,7 +195,7 @@ class Supervisor {
 
  private:
   void hear(int signal, const siginfo_t& heard) {
-    if (heard.si_code == SI_USER && heard.si_pid == process_ && !board_.opening.view().empty()) {
+    if (heard.si_code == SI_USER && heard.si_pid == process_) {
       board_.harm.set("sends signals to other processes");
       kill(process_, SIGKILL);
       return;
