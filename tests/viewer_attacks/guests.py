@@ -127,27 +127,36 @@ def read_all(line, until, heard):
             heard.append(time.monotonic())
 
 
-def among_guests(target, seconds, act, count, **options):
-    """So many sockets, each of which `act` is called with again and again, while a page looks on."""
-    until, heard, opened = time.monotonic() + seconds, [], [0]
+def visit(place, is_over, act, number, counts, **options):
+    """A socket with which `act` is called again and again; another one where it ends. `counts`: sockets opened, calls."""
+    line, state = None, {}
 
-    def go(number):
-        line, state = None, {}
-        while time.monotonic() < until and target.alive():
-            try:
-                if line is None:
-                    line, state = target.guest(patience_s=2.0, **options), {"number": number}
-                    opened[0] += 1
-                if act(line, state) is False:
-                    line.close()
-                    line = None
-            except (OSError, Finding):
-                if line is not None:
-                    line.close()
-                line = None
-                time.sleep(0.05)
+    def leave():
         if line is not None:
             line.close()
+
+    while not is_over():
+        try:
+            if line is None:
+                line, state = place.guest(patience_s=2.0, **options), {"number": number}
+                counts[0] += 1
+            counts[1] += 1
+            if act(line, state) is False:
+                leave()
+                line = None
+        except (OSError, Finding):
+            leave()
+            line = None
+            time.sleep(0.05)
+    leave()
+
+
+def among_guests(target, seconds, act, count, **options):
+    """So many sockets, each of which `act` is called with again and again, while a page looks on."""
+    until, heard, counts = time.monotonic() + seconds, [], [0, 0]
+
+    def go(number):
+        visit(target, lambda: time.monotonic() >= until or not target.alive(), act, number, counts, **options)
 
     with target.guest() as watching:
         threads = [threading.Thread(target=read_all, args=(watching, until, heard), daemon=True)]
@@ -158,7 +167,7 @@ def among_guests(target, seconds, act, count, **options):
             thread.join(seconds + 2 * WAITS_S)
     if target.alive():
         expect(len(heard) > FEW, f"a page beside them was told {len(heard)} times in {seconds + WAITS_S:.0f} s")
-    return f"{opened[0]} sockets; a page beside them was told {len(heard)} times"
+    return f"{counts[0]} sockets; a page beside them was told {len(heard)} times"
 
 
 def deaf(bench, scale):

@@ -8,7 +8,6 @@
 namespace sidestep {
 namespace {
 
-constexpr int kFiles = 3;  ///< The standard ones: threads close and open others meanwhile.
 constexpr int kTimers[] = {ITIMER_REAL, ITIMER_VIRTUAL, ITIMER_PROF};
 
 bool is_same(const rlimit& a, const rlimit& b) {
@@ -39,20 +38,22 @@ std::string ProcessState::restore() const {
       return "lowers a limit of the whole process";
     }
   }
-  for (const OpenFile& file : files_) {
-    struct stat now {};
-    if (fstat(file.number, &now) != 0 || now.st_dev != file.device || now.st_ino != file.inode) {
+  // Of the others threads close and open some meanwhile.
+  const StandardFiles now = standard_files();
+  for (std::size_t i = 0; i < files_.size(); ++i) {
+    const bool was_open = files_[i].inode != 0;
+    if (was_open && (files_[i].device != now[i].device || files_[i].inode != now[i].inode)) {
       return "closes standard input, output or error";
     }
   }
   return {};
 }
 
-std::vector<ProcessState::OpenFile> ProcessState::open_files() {
-  std::vector<OpenFile> files;
-  for (int number = 0; number < kFiles; ++number) {
+ProcessState::StandardFiles ProcessState::standard_files() {
+  StandardFiles files{};
+  for (std::size_t i = 0; i < files.size(); ++i) {
     struct stat now {};
-    if (fstat(number, &now) == 0) files.push_back({number, now.st_dev, now.st_ino});
+    if (fstat(static_cast<int>(i), &now) == 0) files[i] = {now.st_dev, now.st_ino};
   }
   return files;
 }

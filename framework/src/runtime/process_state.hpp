@@ -7,12 +7,11 @@
 #include <array>
 #include <csignal>
 #include <string>
-#include <vector>
 
 namespace sidestep {
 
 /// What a library that is opened may change for the whole process: timers, limits, blocked signals,
-/// open files.
+/// standard input and output.
 class ProcessState {
  public:
   ProcessState();
@@ -22,18 +21,19 @@ class ProcessState {
   [[nodiscard]] std::string restore() const;
 
  private:
+  /// Which file it is that is open there; zeroes where none is.
   struct OpenFile {
-    int number;
     dev_t device;
     ino_t inode;
   };
-  [[nodiscard]] static std::vector<OpenFile> open_files();
+  using StandardFiles = std::array<OpenFile, 3>;
+  [[nodiscard]] static StandardFiles standard_files();
 
   pid_t process_;
   std::array<itimerval, 3> timers_{};
   std::array<rlimit, RLIM_NLIMITS> limits_{};
   sigset_t blocked_{};
-  std::vector<OpenFile> files_ = open_files();
+  StandardFiles files_ = standard_files();
 };
 
 }  // namespace sidestep
