@@ -46,8 +46,8 @@ begin
 until_ is_under_way
 kill -INT "$sweeping"
 wait "$sweeping" || code=$?
-told 1 " are not done; the same command goes on with them:"
-interrupted=$((27 - $(sed -n 's/.* \([0-9]*\) are not done;.*/\1/p' "$work/log")))
+told 1 "Not done: "
+interrupted=$((27 - $(sed -n 's/.*Not done: \([0-9]*\);.*/\1/p' "$work/log")))
 reports=$(done_)  # of runs that were interrupted, too
 [ "$interrupted" -lt 20 ] || { echo "$interrupted runs were done after an interrupt"; exit 1; }
 [ "$where" = here ] || [ -z "$(squeue --noheader)" ] || { echo "the cluster goes on"; squeue; exit 1; }
@@ -62,7 +62,7 @@ runs_14() { victims=$(pgrep -f "sidestep run .*--out $out/14-"); }
 until_ runs_14
 kill -KILL $victims
 wait "$sweeping" || code=$?
-told 4 "Of 27 runs 26 succeeded and 0 failed. 1 are not done; the same command goes on with them:" "  14-"
+told 4 "Of 27 runs 26 succeeded and 0 failed. Not done: 1; the same command goes on with them:" "  14-"
 [ "$where" = slurm ] || told 4 "killed by SIGKILL"
 [ "$where" != slurm ] || told 4 "its task ended before it was done, see task-14.log"
 [ "$(done_)" -eq 26 ] || { echo "not 26 runs are left"; exit 1; }
@@ -95,7 +95,7 @@ EOF
 for _ in first again; do
   code=0
   SIDESTEP_PLUGIN_PATH=$plugins "$sidestep" sweep "$work/faulty.yaml" --out "$work/faulty" >"$work/log" 2>&1 || code=$?
-  told 4 "Of 2 runs 1 succeeded and 0 failed. 1 are not done" ": exit code 4"
+  told 4 "Of 2 runs 1 succeeded and 0 failed. Not done: 1" ": exit code 4"
 done
 # So is one whose report was cut off, as where a disk is full; a task does it, and does nothing twice.
 head -c 1000 "$work/faulty/1-experiment.seed=7/report.html" >"$work/part"

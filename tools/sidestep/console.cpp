@@ -143,6 +143,10 @@ Result<void> Console::open_file(const std::filesystem::path& file, bool append) 
   impl_->file->set_pattern("%Y-%m-%d %H:%M:%S.%e %l: %v");
   impl_->file->set_level(spdlog::level::debug);
   impl_->file->flush_on(spdlog::level::info);
+  impl_->file->set_error_handler([this, told = false](const std::string& reason) mutable {
+    if (!told) impl_->console.warn("the log is not complete: {}", reason);
+    told = true;
+  });
   return {};
 }
 

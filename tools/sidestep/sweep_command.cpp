@@ -412,8 +412,7 @@ std::pair<std::string, ExitCode> verdict_of(const Work& work, bool was_stopped) 
   std::string text = "Of " + std::to_string(all) + " runs " + std::to_string(succeeded) +
                      " succeeded and " + std::to_string(failed) + " failed.";
   if (left > 0) {
-    text +=
-        " " + std::to_string(left) + " are not done; the same command goes on with them:" + open;
+    text += " Not done: " + std::to_string(left) + "; the same command goes on with them:" + open;
   }
   const ExitCode code = left > 0 && !was_stopped ? ExitCode::kFault
                         : left + failed > 0      ? ExitCode::kTaskFailed
@@ -465,8 +464,9 @@ ExitCode sweep_command(const SweepOptions& options) {
   const auto table = collect(work, session.host());
   auto [verdict, code] = verdict_of(work, stop.token().stop_requested());
   if (!table) code = worse(code, refuse(table.error()));
-  std::printf("%s\n%s\n\nreport: %s\n", table ? table->c_str() : "", verdict.c_str(),
-              (work.out / "sweep.html").c_str());
+  if (table)
+    verdict = *table + "\n" + verdict + "\n\nreport: " + (work.out / "sweep.html").string();
+  std::printf("%s\n", verdict.c_str());
   return code;
 }
 
