@@ -58,13 +58,20 @@ void visit_elements(std::string_view text, std::string_view end_of_instruction,
 
 Result<void> check_xml_depth(std::string_view text, const std::string& file) {
   std::size_t deepest = 0;
+  const char* too_deep = nullptr;  // behind the '<' of the first that is
   // TinyXML ends an instruction at the first '>'.
-  visit_elements(text, ">", [&](auto names) { deepest = std::max(deepest, names.size()); });
-  if (deepest <= kDeepestElement) return {};
+  visit_elements(text, ">", [&](auto names) {
+    deepest = std::max(deepest, names.size());
+    if (deepest > kDeepestElement && too_deep == nullptr) too_deep = names.back().data();
+  });
+  if (too_deep == nullptr) return {};
+  const std::string_view before(text.data(), static_cast<std::size_t>(too_deep - text.data()));
+  const auto column = before.size() - (before.rfind('\n') + 1);  // npos + 1 is 0
   return fail(ErrorCode::kConfig,
               "XML elements are nested " + std::to_string(deepest) + " deep; " +
                   std::to_string(kDeepestElement) + " at most are read",
-              file);
+              file + ":" + std::to_string(1 + std::ranges::count(before, '\n')) + ":" +
+                  std::to_string(column));
 }
 
 }  // namespace sidestep

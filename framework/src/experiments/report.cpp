@@ -34,6 +34,19 @@ Result<Json> read_summary(const fs::path& run) {
   Json summary = Json::parse(*text, is_wanted, false);
   if (is_too_deep || !summary.is_object())
     return fail(ErrorCode::kIo, "the summary is damaged", file.string());
+  // What all experiments' have. Reports show other values as they are.
+  for (const auto& [key, type] : {std::pair("configuration", Json::value_t::string),
+                                  {"experiment", Json::value_t::string},
+                                  {"success", Json::value_t::boolean},
+                                  {"verdict", Json::value_t::string}}) {
+    const auto found = summary.find(key);
+    if (found != summary.end() && found->type() != type) {
+      return fail(
+          ErrorCode::kIo,
+          "the summary is damaged: '" + std::string(key) + "' is no " + Json(type).type_name(),
+          file.string());
+    }
+  }
   return summary;
 }
 

@@ -4,6 +4,7 @@
 #include <sstream>
 #include <unordered_map>
 
+#include <yaml-cpp/depthguard.h>
 #include <yaml-cpp/eventhandler.h>
 #include <yaml-cpp/yaml.h>
 
@@ -13,6 +14,10 @@ namespace sidestep {
 namespace {
 
 constexpr std::uintmax_t kMostDocumentBytes = std::uintmax_t{8} << 20;
+
+constexpr int kMaxDepth = 100;
+const std::string kTooDeep =
+    "nested too deeply; " + std::to_string(kMaxDepth) + " deep at most is read";
 
 /// Turns a YAML tree into Nodes. What leaves the rest readable is appended to `errors`.
 class Converter {
@@ -24,18 +29,18 @@ class Converter {
     const SourceMark mark = mark_of(yaml.Mark());
     // Aliases count each time they are used: few lines of them can stand for billions of values.
     if (++nodes_ > kMaxNodes) {
-      return fail(ErrorCode::kConfig, "the document is too large once its aliases are filled in",
+      return fail(ErrorCode::kConfig,
+                  "the document is too large once its aliases are filled in; " +
+                      std::to_string(kMaxNodes) + " values at most are read",
                   mark.to_string());
     }
-    if (++depth_ > kMaxDepth)
-      return fail(ErrorCode::kConfig, "nested too deeply", mark.to_string());
+    if (++depth_ > kMaxDepth) return fail(ErrorCode::kConfig, kTooDeep, mark.to_string());
     Result<Node> node = convert_any(yaml, mark);
     --depth_;
     return node;
   }
 
  private:
-  static constexpr int kMaxDepth = 100;
   static constexpr int kMaxNodes = 1'000'000;
 
   Result<Node> convert_any(const YAML::Node& yaml, const SourceMark& mark) {
@@ -269,7 +274,9 @@ Result<Node> parse_yaml(std::string_view text, const std::string& name,
     return Converter(name, errors).convert(YAML::Load(std::string(text)));
   } catch (const YAML::Exception& exception) {
     const SourceMark mark{name, exception.mark.line + 1, exception.mark.column + 1};
-    return fail(ErrorCode::kConfig, "not valid YAML: " + exception.msg, mark.to_string());
+    const bool is_too_deep = dynamic_cast<const YAML::DeepRecursion*>(&exception) != nullptr;
+    return fail(ErrorCode::kConfig, is_too_deep ? kTooDeep : "not valid YAML: " + exception.msg,
+                mark.to_string());
   }
 }
 

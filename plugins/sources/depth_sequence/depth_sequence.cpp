@@ -110,17 +110,22 @@ Result<ImageSize> image_size(const std::vector<SequenceEntry>& entries, const Op
   }
   std::vector<std::pair<ImageSize, int>> votes;
   int readable = 0;
+  Error refused;  // why the first that cannot be read cannot
   for (const SequenceEntry& entry : entries) {
     const auto size = read_png_size(entry.depth_file);
-    if (!size) continue;
+    if (!size) {
+      if (refused.message.empty()) refused = size.error();
+      continue;
+    }
     auto vote = std::ranges::find(votes, *size, &std::pair<ImageSize, int>::first);
     if (vote == votes.end()) vote = votes.insert(votes.end(), {*size, 0});
     ++vote->second;
     if (++readable == kSurveyed) break;
   }
   if (votes.empty()) {
-    return fail(ErrorCode::kNotFound, "none of the sequence's depth images can be read",
-                options.path.string());
+    return tl::make_unexpected(refused.wrapped(ErrorCode::kNotFound,
+                                               "none of the sequence's depth images can be read",
+                                               options.path.string()));
   }
   ImageSize size = std::ranges::max_element(votes, {}, &std::pair<ImageSize, int>::second)->first;
   size.width_px = options.camera.width_px.value_or(size.width_px);

@@ -83,7 +83,10 @@ TEST(XmlDepth, IsBounded) {
   const auto deeper = check_xml_depth(nested(201), "f.xml");
   ASSERT_FALSE(deeper);
   EXPECT_EQ(deeper.error().describe(),
-            "f.xml: XML elements are nested 201 deep; 200 at most are read");
+            "f.xml:1:1801: XML elements are nested 201 deep; 200 at most are read");
+  const auto below = check_xml_depth("<!--\n-->\n " + nested(201), "f.xml");
+  ASSERT_FALSE(below);
+  EXPECT_EQ(below.error().where, "f.xml:3:1802");
 }
 
 TEST(XmlDepth, CountsElementsAlone) {
