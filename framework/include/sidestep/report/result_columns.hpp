@@ -19,10 +19,10 @@ inline constexpr const char* kWholeSummary = "summary.json";
 struct Shown {
   std::string heading = "";  ///< In tables; empty: in none.
   const char* pattern = "%g";
-  bool compared = false;             ///< In the comparison of runs, too.
-  bool page_only = false;            ///< Not on the terminal, which is narrower than a page.
+  bool compared = false;          ///< In the comparison of runs, too.
+  bool page_only = false;         ///< Not on the terminal, which is narrower than a page.
   std::string_view statistics{};  ///< Those that tables show; empty: all.
-  bool only_measured = false;        ///< A row without a value does not have the key.
+  bool only_measured = false;     ///< A row without a value does not have the key.
 };
 
 struct ResultColumn {
