@@ -52,6 +52,33 @@ TEST(ReplannerInputs, AnExecutorNeedNotMeasureVelocities) {
   EXPECT_LT((loop.executor.state().q - ClosedLoop::goal().q).norm(), 0.05);
 }
 
+class BallAboveZero final : public testing_support::BallRobot {
+ public:
+  BallAboveZero() : BallRobot(ClosedLoop::kRadius_m) { description_.joints[1].lower = 0.0; }
+};
+
+/// Encoders say a little more than a joint can be; plans begin where it can.
+TEST(ReplannerInputs, AMeasurementALittleBeyondALimitIsWithin) {
+  for (const double beyond : {0.005, 0.015}) {
+    ClosedLoop loop;
+    loop.robot = std::make_shared<BallAboveZero>();
+    std::vector<double> starts;
+    loop.planner.misbehave = [&](const Problem& problem, const Trajectory&, const Deadline&) {
+      starts.push_back(problem.start.q[1]);
+      return std::nullopt;
+    };
+    loop.executor.offset.y() = -beyond;
+    loop.run(0.2);
+    if (beyond < 0.01) {
+      ASSERT_FALSE(starts.empty()) << loop.story();
+      EXPECT_EQ(starts.front(), 0.0);
+    } else {
+      EXPECT_TRUE(starts.empty());
+      EXPECT_THAT(loop.story(), HasSubstr("joint y of the start is at -0.015, outside its limits"));
+    }
+  }
+}
+
 TEST(ReplannerInputs, AStateThatIsOldStopsTheRobotAndOneThatIsNotDoesNot) {
   for (const double age_s : {0.19, 0.21}) {
     ClosedLoop loop;

@@ -85,6 +85,14 @@ TEST_F(SimulatedExecutorTest, FollowsATrajectoryLateByItsDelay) {
   }
 }
 
+TEST_F(SimulatedExecutorTest, KnowsTheTruthOfAMomentThatNobodyMeasured) {
+  const auto executor = make();
+  ASSERT_TRUE(executor->follow(smooth_step(), at_s(0.5)));
+  clock_.set_s(2.0);
+  EXPECT_NEAR(dynamic_cast<TrueRobot&>(*executor).true_state(at_s(2.0)).q[0], smooth_position(1.5),
+              1e-7);
+}
+
 /// Odometry says 1 m along x, the robot has gone 1.02 m and turned by 0.05 rad on the way.
 TEST_F(SimulatedExecutorTest, DriftsAwayFromItsOdometry) {
   host_ = std::make_unique<conformance::TestHost>(
