@@ -186,15 +186,23 @@ TEST_F(AmongPeople, StaysWhereItIsInNobodysWay) {
 TEST(BlockedGoal, GivesWayToAnotherThatDoesWhatIsAsked) {
   ClosedLoop loop;
   loop.obstacles = {{{4.0, 0.0, 0.0}, 0.3}};
-  int asked = 0;
+  std::vector<double> asked_s;
+  std::vector<Eigen::VectorXd> goals;
   loop.other_goal =
       [&](const std::shared_ptr<const DistanceField>&) -> std::optional<Eigen::VectorXd> {
-    // The first is in the obstacle, too.
-    return ++asked == 1 ? Eigen::Vector3d(4.0, 0.1, 0.0) : Eigen::Vector3d(3.0, 1.0, 0.0);
+    asked_s.push_back(loop.executor.now.seconds());
+    goals.push_back(loop.replanner->goal());
+    if (asked_s.size() == 1) return std::nullopt;  // none is found
+    // The second is in the obstacle, too.
+    return asked_s.size() == 2 ? Eigen::Vector3d(4.0, 0.1, 0.0) : Eigen::Vector3d(3.0, 1.0, 0.0);
   };
   loop.run(20.0);
   EXPECT_EQ(loop.status, Replanner::Status::kReached) << loop.story();
-  EXPECT_EQ(asked, 2);
+  ASSERT_EQ(asked_s.size(), 3U);
+  EXPECT_GE(asked_s[1] - asked_s[0], 1.0 - 1e-9);  // about once a second
+  EXPECT_GE(asked_s[2] - asked_s[1], 1.0 - 1e-9);
+  EXPECT_LT(asked_s[2] - asked_s[0], 4.0);
+  for (const Eigen::VectorXd& goal : goals) EXPECT_EQ(goal, ClosedLoop::goal().q);
   EXPECT_LT((loop.executor.state().q - Eigen::Vector3d(3.0, 1.0, 0.0)).norm(), 0.03);
   EXPECT_EQ(loop.replanner->goal(), Eigen::Vector3d(3.0, 1.0, 0.0));
 }
