@@ -35,11 +35,22 @@ EOF
   cluster=$!
   slurmd -D >>"$folder/out" 2>&1 &
   cluster="$cluster $!"
-  trap 'kill $cluster; wait $cluster' EXIT
+  trap end_cluster EXIT
   for _ in $(seq 60); do
     if [ "$(sinfo -h -o %t 2>/dev/null)" = idle ]; then return; fi
     sleep 0.5
   done
   cat "$folder/out"
   return 1
+}
+
+# What keeps a job's last process asks for the controller until that has heard of its end: jobs end first.
+end_cluster() {
+  scancel --user="$(id -un)" || true
+  for _ in $(seq 60); do
+    [ -n "$(squeue --noheader)" ] || break
+    sleep 0.5
+  done
+  kill $cluster
+  wait $cluster
 }
