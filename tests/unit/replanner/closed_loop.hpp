@@ -34,12 +34,12 @@ inline double distance_m(const Balls& balls, const Eigen::Vector3d& p) {
   return least;
 }
 
-/// The exact distance to balls.
+/// The exact distance to balls; without a sign 0 within them.
 class BallField final : public DistanceField {
  public:
-  BallField(Balls balls, Stamp stamp)
+  BallField(Balls balls, Stamp stamp, bool is_signed = true)
       : DistanceField({.grid = {Eigen::Vector3d(-10, -10, -10), 0.1, {200, 200, 200}},
-                       .is_signed = true,
+                       .is_signed = is_signed,
                        .max_distance_m = 5.0,
                        .lipschitz = 1.0,
                        .stamp = stamp}),
@@ -56,6 +56,7 @@ class BallField final : public DistanceField {
         distances_m[i] = ball.distance_m(points_m[i]);
         gradient = (points_m[i] - ball.centre_m).normalized();
       }
+      if (!info().is_signed) distances_m[i] = std::max(0.0, distances_m[i]);
       if (!gradients.empty()) gradients[i] = gradient;
       if (!statuses.empty()) statuses[i] = FieldStatus::kKnown;
     }
@@ -338,6 +339,7 @@ class ClosedLoop {
   Replanner::Status status = Replanner::Status::kWaiting;
   std::vector<ReplannerEvent> events;
   bool maps = true;
+  bool fields_are_signed = true;
   bool tells_what_moves = false;  ///< All of the obstacles do, then.
   double map_age_s = 0.0;
   double clock_offset_s = 0.0;
@@ -350,7 +352,7 @@ class ClosedLoop {
 
  private:
   void publish(Stamp stamp) {
-    MapSnapshot snapshot{std::make_shared<BallField>(mapped, stamp), nullptr};
+    MapSnapshot snapshot{std::make_shared<BallField>(mapped, stamp, fields_are_signed), nullptr};
     if (tells_what_moves) {
       auto moving = std::make_shared<MovingObstacles>();
       for (const Ball& ball : mapped) moving->balls.push_back({ball.centre_m, ball.radius_m});

@@ -300,6 +300,28 @@ TEST(Replanner, LeavesWhatItStandsInUnlessThatIsDeep) {
 }
 
 /// Something stands on the goal: every motion is free for a while only.
+/// The centre of a small ball lies 0.01 m within an obstacle: a field without a sign cannot tell
+/// how far.
+TEST(Replanner, LeavesNothingWhoseDepthNobodyKnows) {
+  for (const bool is_signed : {true, false}) {
+    ClosedLoop loop;
+    loop.robot = std::make_shared<testing_support::BallRobot>(0.05);
+    loop.fields_are_signed = is_signed;
+    loop.obstacles = {{{-0.19, 0.0, 0.0}, 0.2}};
+    loop.planner.misbehave = [](const Problem& problem, const Trajectory&,
+                                const Deadline&) -> std::optional<Result<Solution>> {
+      Solution straight;
+      straight.status = SolveStatus::kConverged;
+      straight.trajectory =
+          DetourPlanner::through({problem.start.q, problem.goal.q}, problem.start.qdot);
+      return straight;
+    };
+    loop.run(20.0);
+    EXPECT_EQ(loop.status == Status::kReached, is_signed) << loop.story();
+    EXPECT_EQ(loop.executor.follows > 0, is_signed) << loop.story();
+  }
+}
+
 TEST(Replanner, TakesWhatIsFreeForAWhileOnceASearchHasTakenLong) {
   for (const double stopgap_after_s : {10.0, 0.001}) {
     ReplannerSettings settings;
