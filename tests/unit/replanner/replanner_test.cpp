@@ -319,6 +319,7 @@ TEST(Replanner, LeavesNothingWhoseDepthNobodyKnows) {
     loop.run(20.0);
     EXPECT_EQ(loop.status == Status::kReached, is_signed) << loop.story();
     EXPECT_EQ(loop.executor.follows > 0, is_signed) << loop.story();
+    EXPECT_EQ(loop.story().find("and leaves it") != std::string::npos, is_signed);
   }
 }
 
