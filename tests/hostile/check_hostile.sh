@@ -10,20 +10,27 @@ rm -rf "$work" && mkdir -p "$work" && cd "$work" || exit 1
 failed=0
 TIMEFORMAT='%U %S'
 
-# refused CODE TEXT... -- ARGUMENTS: what the command ends with, and what it says.
+# refused CODE TEXT... -- ARGUMENTS: what the command ends with, and what it says. The least of three times counts, of a
+# machine that does other things beside.
 refused() {
-  local expected=$1 texts=() code=0 spent text
+  local expected=$1 texts=() code most_s=1 spent text
   shift
   while [ "$1" != -- ]; do texts+=("$1") && shift; done
   shift
-  spent=$({ time (ulimit -t 20 -v 4194304 && timeout 60 "$sidestep" "$@" >out 2>err </dev/null) || code=$?
-    echo "$code" >code; } 2>&1)
-  code=$(cat code)
+  [ "$expected" -ne 0 ] || most_s=5
+  for _ in 1 2 3; do
+    code=0
+    spent=$({ time (ulimit -t 20 -v 4194304 && timeout 60 "$sidestep" "$@" >out 2>err </dev/null) || code=$?
+      echo "$code" >code; } 2>&1)
+    code=$(cat code)
+    ! awk "{exit !(\$1 + \$2 < $most_s)}" <<<"$spent" || break
+    spent+=" s, more than $most_s"
+  done
   for text in "${texts[@]}"; do
     grep -qF -- "$text" err || { echo "$*: '$text' is not in:" && head -c 2000 err && failed=1; }
   done
   [ "$code" -eq "$expected" ] || { echo "$*: exit code $code, expected $expected" && head -c 2000 err && failed=1; }
-  awk -v code="$code" '{exit !($1 + $2 < (code == 0 ? 5 : 1))}' <<<"$spent" || { echo "$*: takes $spent s" && failed=1; }
+  [[ "$spent" != *more* ]] || { echo "$*: takes $spent s" && failed=1; }
   [ "$(wc -c <err)" -lt 65536 ] || { echo "$*: $(wc -c <err) bytes of errors" && failed=1; }
 }
 
