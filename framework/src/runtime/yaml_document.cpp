@@ -16,8 +16,12 @@ namespace {
 constexpr std::uintmax_t kMostDocumentBytes = std::uintmax_t{8} << 20;
 
 constexpr int kMaxDepth = 100;
-const std::string kTooDeep =
-    "nested too deeply; " + std::to_string(kMaxDepth) + " deep at most is read";
+
+tl::unexpected<Error> too_deep(const SourceMark& mark) {
+  return fail(ErrorCode::kConfig,
+              "nested too deeply; " + std::to_string(kMaxDepth) + " deep at most is read",
+              mark.to_string());
+}
 
 /// Turns a YAML tree into Nodes. What leaves the rest readable is appended to `errors`.
 class Converter {
@@ -34,7 +38,7 @@ class Converter {
                       std::to_string(kMaxNodes) + " values at most are read",
                   mark.to_string());
     }
-    if (++depth_ > kMaxDepth) return fail(ErrorCode::kConfig, kTooDeep, mark.to_string());
+    if (++depth_ > kMaxDepth) return too_deep(mark);
     Result<Node> node = convert_any(yaml, mark);
     --depth_;
     return node;
@@ -274,9 +278,9 @@ Result<Node> parse_yaml(std::string_view text, const std::string& name,
     return Converter(name, errors).convert(YAML::Load(std::string(text)));
   } catch (const YAML::Exception& exception) {
     const SourceMark mark{name, exception.mark.line + 1, exception.mark.column + 1};
-    const bool is_too_deep = dynamic_cast<const YAML::DeepRecursion*>(&exception) != nullptr;
-    return fail(ErrorCode::kConfig, is_too_deep ? kTooDeep : "not valid YAML: " + exception.msg,
-                mark.to_string());
+    // yaml-cpp has a limit of its own, 500, and calls what is beyond it a bad file.
+    if (dynamic_cast<const YAML::DeepRecursion*>(&exception) != nullptr) return too_deep(mark);
+    return fail(ErrorCode::kConfig, "not valid YAML: " + exception.msg, mark.to_string());
   }
 }
 

@@ -171,6 +171,14 @@ class DetourPlanner final : public Optimiser {
     return solution;
   }
 
+  /// From start to goal, whatever is in the way.
+  static Solution straight(const Problem& problem) {
+    Solution solution;
+    solution.status = SolveStatus::kConverged;
+    solution.trajectory = through({problem.start.q, problem.goal.q}, problem.start.qdot);
+    return solution;
+  }
+
   /// Cubic pieces, at about 0.5 m/s.
   static Trajectory through(const std::vector<Eigen::Vector3d>& points,
                             const Eigen::Vector3d& velocity) {
@@ -377,5 +385,10 @@ class ClosedLoop {
   ReplannerSettings settings_;
   Eigen::Vector3d last_velocity_ = Eigen::Vector3d::Zero();
 };
+
+inline void expect_goal(const ClosedLoop& loop) {
+  EXPECT_EQ(loop.status, Replanner::Status::kReached) << loop.story();
+  EXPECT_LE((loop.path.back() - loop.goal().q).cwiseAbs().maxCoeff(), 0.02);
+}
 
 }  // namespace sidestep::testing_support

@@ -118,11 +118,7 @@ HeadOn meet_head_on(double planned, std::vector<double> braking) {
   loop.limits.acceleration = {planned, planned, planned};
   loop.limits.braking = std::move(braking);
   loop.planner.misbehave = [](const Problem& problem, const Trajectory&, const Deadline&) {
-    Solution solution;
-    solution.status = SolveStatus::kConverged;
-    solution.trajectory = testing_support::DetourPlanner::through({problem.start.q, problem.goal.q},
-                                                                  problem.start.qdot);
-    return std::optional<Result<Solution>>(std::move(solution));
+    return std::optional<Result<Solution>>(testing_support::DetourPlanner::straight(problem));
   };
   HeadOn meeting;
   double before = 0.0;

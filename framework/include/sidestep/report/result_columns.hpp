@@ -17,7 +17,7 @@ inline constexpr const char* kWholeSummary = "summary.json";
 
 /// Where a column stands besides summary.json and table.csv.
 struct Shown {
-  std::string heading = "";  ///< In tables; empty: in none.
+  std::string heading;  ///< In tables; empty: in none.
   const char* pattern = "%g";
   bool compared = false;          ///< In the comparison of runs, too.
   bool page_only = false;         ///< Not on the terminal, which is narrower than a page.
